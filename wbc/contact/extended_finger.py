@@ -1,0 +1,275 @@
+"""The extended finger (24)-(34): active joints, then the contact as passive virtual joints.
+
+The chain of finger i runs over its joints to the tip frame F, turns by the ball and socket R_FC,
+goes back along the object's outward normal by l − Δl to the contact frame C, and through the
+inverse of the chart T_OC(ξ) to the object. Each finger in contact thus has its own idea of where
+the object is.
+
+The tick does not stack J̃ of (34). θ̇ enters only the angular rows of (33), through an invertible
+matrix, so those rows give θ̇ and drop out; ξ̇ moves the tip only within the tangent plane, so of a
+sliding tip's three linear rows the normal one remains and the others give ξ̇. What is left is one
+row for a sliding tip, three (two in the plane) for a fixed one, on the active joints alone: exactly
+(33) solved with a metric that charges the passive joints nothing. `extended_jacobian` builds J̃
+itself, for the printed law, the classification and the tests.
+"""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from wbc.arrays import Array
+from wbc.compiled import kernel
+from wbc.contact.grasp import ContactMode, ContactState, Grasp, ObjectReference
+from wbc.contact.surfaces.gauss import gauss_frames
+from wbc.robot.kinematics import Kinematics
+from wbc.rotations import cross, exp_so3, log_so3, skew
+
+_FIXED = int(ContactMode.FIXED)
+_SLIDING = int(ContactMode.SLIDING)
+
+
+@kernel
+def _object_poses(
+    mode, charts, frame, pivot, reach, tip, tip_rotation, position, rotation, estimate_p, estimate_r
+):  # type: ignore[no-untyped-def]
+    """Pose of the object by every finger in contact, and their mean; how many there are.
+
+    From (27) and (30): o_f = o_o + R_o (c + (l − Δl) n̂), R_o = R_F R_FC R_OCᵀ.
+    """
+    holding = 0
+    for i in range(mode.shape[0]):
+        if mode[i] == 0:
+            continue
+        rotation[i] = tip_rotation[i] @ pivot[i] @ frame[i].T
+        position[i] = tip[i] - rotation[i] @ (charts[i, 0] + reach[i] * frame[i, :, 2])
+        if holding == 0:
+            estimate_p[:] = 0.0
+            estimate_r[:] = rotation[i]
+        estimate_p += position[i]
+        holding += 1
+    if holding > 0:
+        estimate_p /= holding
+    if holding > 1:  # mean rotation: one step in the tangent space at the first, they differ by errors
+        mean = np.zeros(3)
+        for i in range(mode.shape[0]):
+            if mode[i] != 0:
+                mean += log_so3(rotation[i] @ estimate_r.T)
+        estimate_r[:] = exp_so3(mean / holding) @ estimate_r
+    return holding
+
+
+@kernel
+def _contact_rows(
+    mode, planar, gain, charts, frame, normal_xi, reach, reach_rate, linear, position, rotation,
+    reference_p, reference_r, twist, error, twist_cmd, rows, rhs, xi_jacobian, xi_drift,
+):  # type: ignore[no-untyped-def]
+    """Rows of (33) left on the active joints, and the sliding rates that go with them.
+
+    Returns the number of rows r; rows[:r] q̇ = rhs[:r] is the main task (35), and
+    ξ̇_i = xi_jacobian_i q̇ + xi_drift_i.
+    """
+    r = 0
+    n_xi = 1 if planar else 2
+    xi_jacobian[:] = 0.0
+    xi_drift[:] = 0.0
+    for i in range(mode.shape[0]):
+        if mode[i] == 0:
+            continue
+        error[i, :3] = reference_p - position[i]
+        error[i, 3:] = log_so3(reference_r @ rotation[i].T)
+        twist_cmd[i] = twist + gain * error[i]
+        arm = rotation[i] @ (charts[i, 0] + reach[i] * frame[i, :, 2])
+        normal = rotation[i] @ frame[i, :, 2]
+        tip_velocity = twist_cmd[i, :3] + cross(twist_cmd[i, 3:], arm) + reach_rate[i] * normal
+        if mode[i] == 1:
+            k = 2 if planar else 3
+            rows[r : r + k] = linear[i, :k]
+            rhs[r : r + k] = tip_velocity[:k]
+            r += k
+            continue
+        rows[r] = normal @ linear[i]
+        rhs[r] = normal @ tip_velocity
+        r += 1
+        # the tangent vectors of the surface that the tip slides on, l − Δl outside the object's
+        tangent = rotation[i] @ (charts[i, 1 : 1 + n_xi].T + reach[i] * normal_xi[i, :, :n_xi])
+        inverse = _left_inverse(tangent)
+        xi_jacobian[i, :n_xi] = inverse @ linear[i]
+        xi_drift[i, :n_xi] = -(inverse @ tip_velocity)
+    return r
+
+
+@kernel
+def _left_inverse(t):  # type: ignore[no-untyped-def]
+    """(TᵀT)⁻¹Tᵀ of a (3, 1) or (3, 2) matrix of tangent vectors; zero where they vanish (a pole)."""
+    if t.shape[1] == 1:
+        d = np.sum(t * t)
+        return t.T / d if d > 1e-16 else np.zeros(t.T.shape)
+    a, b = np.sum(t[:, 0] * t[:, 0]), np.sum(t[:, 0] * t[:, 1])
+    c = np.sum(t[:, 1] * t[:, 1])
+    det = a * c - b * b
+    if det < 1e-16 * (a * c) or det == 0.0:
+        return np.zeros(t.T.shape)
+    return np.array(((c, -b), (-b, a))) @ t.T / det
+
+
+@kernel
+def _pivot_rates(
+    mode, tip_rotation, pivot, spin, angular, v, xi_rate, twist_cmd, with_object, rate
+):  # type: ignore[no-untyped-def]
+    """θ̇ as the turning rate of C in F, in F's axes: the angular rows of (33), from (29)."""
+    for i in range(mode.shape[0]):
+        if mode[i] == 0:
+            rate[i] = 0.0
+            continue
+        w = tip_rotation[i] @ (pivot[i] @ (spin[i] @ xi_rate[i])) - angular[i] @ v
+        if with_object:
+            w += twist_cmd[i, 3:]
+        rate[i] = tip_rotation[i].T @ w
+
+
+@final
+class ExtendedKinematics:
+    """Everything of one tick: the robot's kinematics and the contacts'. A token, like `Kinematics`.
+
+    Attributes:
+        grasp: the object and its fingers (None: no object in this scenario).
+        robot: the robot's kinematics; tracked frame i is finger i's tip.
+        state: the contact variables it was computed from.
+        reference: where the object should be.
+        charts: (N, 6, 3) c, c_u, c_v, c_uu, c_uv, c_vv in the object frame.
+        frame: (N, 3, 3) Gauss frames R_OC, columns x, y and the outward normal.
+        normal_xi: (N, 3, 2) ∂n̂/∂ξ in the object frame.
+        spin: (N, 3, 2) angular velocity of C in O per ξ̇, in C's axes.
+        position, rotation: (N, 3), (N, 3, 3) pose of the object by each finger in contact.
+        error: (N, 6) e_o of (35): position [m], then rotation vector [rad], world's axes.
+        twist_cmd: (N, 6) v_od + K_o e_o, the object twist each finger is asked for.
+        object_position, object_rotation: mean of the fingers in contact; where there is none, the
+            reference.
+        rows, rhs: (R, nv), (R,) main task on the active joints; `row_count` of them are in use.
+        xi_jacobian, xi_drift: (N, 2, nv), (N, 2) with ξ̇ = xi_jacobian q̇ + xi_drift.
+    """
+
+    def __init__(self, robot: Kinematics, grasp: Grasp, gain: float) -> None:
+        n, nv = grasp.count, robot.model.nv
+        self.robot = robot
+        self.grasp = grasp
+        self.gain = gain
+        self.state = ContactState(
+            np.zeros(n, dtype=np.int64), np.array(grasp.at), np.tile(np.eye(3), (n, 1, 1))
+        )
+        self.reference = ObjectReference(
+            np.zeros(3), np.eye(3), np.zeros(6), np.array(grasp.rest_length), np.zeros(n)
+        )
+        self.charts: Array = np.zeros((n, 6, 3))
+        self.frame: Array = np.zeros((n, 3, 3))
+        self.normal_xi: Array = np.zeros((n, 3, 2))
+        self.spin: Array = np.zeros((n, 3, 2))
+        self.position: Array = np.full((n, 3), np.nan)
+        self.rotation: Array = np.full((n, 3, 3), np.nan)
+        self.error: Array = np.full((n, 6), np.nan)
+        self.twist_cmd: Array = np.zeros((n, 6))
+        self.object_position: Array = np.zeros(3)
+        self.object_rotation: Array = np.eye(3)
+        self.rows: Array = np.zeros((3 * n, nv))
+        self.rhs: Array = np.zeros(3 * n)
+        self.row_count = 0
+        self.holding = 0
+        self.xi_jacobian: Array = np.zeros((n, 2, nv))
+        self.xi_drift: Array = np.zeros((n, 2))
+        self._tip = robot.position[:n]
+        self._tip_rotation = robot.rotation[:n]
+        self._linear = robot.linear[:n]
+        self._angular = robot.angular[:n]
+
+    def update(self, q: Array, state: ContactState, reference: ObjectReference) -> ExtendedKinematics:
+        """Bring everything to the configuration (q, η) and the object's reference."""
+        self.state, self.reference = state, reference
+        self.robot.update(q)
+        self.grasp.surface.evaluate(state.xi, self.grasp.face, self.charts)
+        gauss_frames(self.charts, self.frame, self.normal_xi, self.spin)
+        self.object_position[:] = reference.position
+        self.object_rotation[:] = reference.rotation
+        self.holding = _object_poses(
+            state.mode, self.charts, self.frame, state.pivot, reference.reach, self._tip,
+            self._tip_rotation, self.position, self.rotation, self.object_position,
+            self.object_rotation,
+        )  # fmt: skip
+        self.row_count = _contact_rows(
+            state.mode, self.grasp.planar, self.gain, self.charts, self.frame, self.normal_xi,
+            reference.reach, reference.reach_rate, self._linear, self.position, self.rotation,
+            reference.position, reference.rotation, reference.twist, self.error, self.twist_cmd,
+            self.rows, self.rhs, self.xi_jacobian, self.xi_drift,
+        )  # fmt: skip
+        return self
+
+    def passive_rates(self, v: Array, *, with_object: bool, xi_rate: Array, pivot_rate: Array) -> None:
+        """Fill ξ̇ (N, 2) and θ̇ (N, 3, turning rate in F) that go with the joint velocity v.
+
+        Without the object (`with_object=False`) v is a motion in the null space of the main task:
+        the object stands still and the drift is left out.
+        """
+        xi_rate[:] = self.xi_jacobian @ v
+        if with_object:
+            xi_rate += self.xi_drift
+        _pivot_rates(
+            self.state.mode, self._tip_rotation, self.state.pivot, self.spin, self._angular, v,
+            xi_rate, self.twist_cmd, with_object, pivot_rate,
+        )  # fmt: skip
+
+    def touch(self, finger: int) -> Array:
+        """R_FC (3, 3) with which a finger that touches now sees the object where it is."""
+        rotation: Array = (
+            self._tip_rotation[finger].T @ self.object_rotation @ self.frame[finger]
+        )
+        return rotation
+
+
+def finger_jacobians(kin: ExtendedKinematics, i: int) -> tuple[Array, Array, Array, Array, Array]:
+    """The matrices of one finger's (32), in the world's axes: J_F q̇ + J_η η̇ + J_Δl Δl̇ = Gᵀ v_o.
+
+    Returns:
+        J_F (6, nv), J_ξ + J'_ξ (6, 2) with the sign they have in J_η (minus), J_θ (6, 3) per turning
+        rate of C in F in F's axes, J_Δl (6, 1), Gᵀ (6, 6). The printed lower-left block of G_Δl has
+        the wrong sign after (31); here Gᵀ = [[I, −S(R_o(c + (l−Δl) n̂))], [0, I]].
+    """
+    reach = float(kin.reference.reach[i])
+    r = kin.rotation[i]
+    r_c = r @ kin.frame[i]
+    normal = r @ kin.frame[i, :, 2]
+    j_f = np.vstack([kin.robot.linear[i], kin.robot.angular[i]])
+    j_xi = -np.vstack(
+        [r @ (kin.charts[i, 1:3].T + reach * kin.normal_xi[i]), r_c @ kin.spin[i]]
+    )
+    j_theta = np.vstack([np.zeros((3, 3)), kin.robot.rotation[i]])
+    j_dl = np.concatenate([normal, np.zeros(3)])[:, None]
+    g_t = np.eye(6)
+    g_t[:3, 3:] = -skew(r @ (kin.charts[i, 0] + reach * kin.frame[i, :, 2]))
+    return j_f, j_xi, j_theta, j_dl, g_t
+
+
+def extended_jacobian(kin: ExtendedKinematics) -> tuple[Array, Array]:
+    """J̃ = [J J_η] of (33)-(34) and the right-hand side Gᵀ(ṽ_od + K_o ẽ_o) − J_Δl Δl̇ of (35).
+
+    Columns: the nv joints, then per finger its chart coordinates (1 or 2) and pivot rates (1 or 3).
+    Columns of variables that the contact's type holds, and of fingers not in contact, are zero.
+    Rows: 6 per finger in contact (3 in the plane: x, y, ω_z).
+    """
+    grasp, nv = kin.grasp, kin.robot.model.nv
+    pick = [0, 1, 5] if grasp.planar else [0, 1, 2, 3, 4, 5]
+    axes = [2] if grasp.planar else [0, 1, 2]
+    width = grasp.n_xi + len(axes)
+    touching = [i for i in range(grasp.count) if kin.state.mode[i] != ContactMode.FREE]
+    j = np.zeros((len(pick) * len(touching), nv + width * grasp.count))
+    b = np.zeros(j.shape[0])
+    for k, i in enumerate(touching):
+        j_f, j_xi, j_theta, j_dl, g_t = finger_jacobians(kin, i)
+        rows, start = slice(k * len(pick), (k + 1) * len(pick)), nv + width * i
+        j[rows, :nv] = j_f[pick]
+        if kin.state.mode[i] == ContactMode.SLIDING:
+            j[rows, start : start + grasp.n_xi] = j_xi[pick][:, : grasp.n_xi]
+        j[rows, start + grasp.n_xi : start + width] = j_theta[pick][:, axes]
+        rate = -float(kin.reference.reach_rate[i])
+        b[rows] = (g_t @ kin.twist_cmd[i] - j_dl[:, 0] * rate)[pick]
+    return j, b

@@ -1,0 +1,134 @@
+"""Which fingers may touch the object, how each one touches now, and what kind of grasp that is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.arrays import Array, IntArray
+from wbc.contact.surfaces import Surface
+
+
+class ContactMode(IntEnum):
+    """How a finger touches: which of the contact variables may change."""
+
+    FREE = 0
+    """Not in contact."""
+    FIXED = 1
+    """The tip pivots about its contact point: θ moves, ξ stays."""
+    SLIDING = 2
+    """The tip also slides on the surface: θ and ξ move."""
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """Object surface and the fingers that may ever touch it.
+
+    Attributes:
+        surface: the object's surface, in the object frame.
+        fingers: names; finger i's tip is tracked frame i of the `Kinematics`.
+        at: (N, 2) chart coordinates of the planned contact points.
+        face: (N,) chart of each contact (a box has six; 0 elsewhere).
+        stiffness: (N,) of the elastic pads, k of Δl = f_n / k, [N/m].
+        rest_length: (N,) l of (27), [m].
+        planar: one chart coordinate, one pivot angle, rows x, y, ω_z.
+    """
+
+    surface: Surface
+    fingers: tuple[str, ...]
+    at: Array
+    face: IntArray
+    stiffness: Array
+    rest_length: Array
+    planar: bool
+
+    @property
+    def count(self) -> int:
+        """Number of fingers, N."""
+        return len(self.fingers)
+
+    @property
+    def n_xi(self) -> int:
+        """Chart coordinates that a sliding contact moves: 1 in the plane, 2 in space."""
+        return 1 if self.planar else 2
+
+    @property
+    def n_rows(self) -> int:
+        """Rows of (33) per finger: 3 in the plane, 6 in space."""
+        return 3 if self.planar else 6
+
+
+class ContactState(NamedTuple):
+    """The contact variables η of all N fingers.
+
+    Attributes:
+        mode: (N,) ContactMode of each finger.
+        xi: (N, 2) chart coordinates ξ.
+        pivot: (N, 3, 3) R_FC, the ball-and-socket angles θ as a rotation: no singular attitude.
+    """
+
+    mode: IntArray
+    xi: Array
+    pivot: Array
+
+
+class ObjectReference(NamedTuple):
+    """Where the object should be, and how much each pad should be pressed.
+
+    Attributes:
+        position: (3,) p_WO [m].
+        rotation: (3, 3) R_WO.
+        twist: (6,) linear then angular velocity of O in the world's axes [m/s, rad/s].
+        reach: (N,) l − Δl of each pad [m].
+        reach_rate: (N,) its rate [m/s].
+    """
+
+    position: Array
+    rotation: Array
+    twist: Array
+    reach: Array
+    reach_rate: Array
+
+
+class GraspClass(NamedTuple):
+    """Classification of a grasp from (33), as printed by ``wbc check``.
+
+    Attributes:
+        rows, columns: size of J̃.
+        rank: numerical rank of J̃.
+        smallest_singular_value: of J̃.
+        condition: largest over smallest singular value of J̃.
+        redundant: some finger's [J_F J_η] has a null space.
+        indeterminate: object and passive joints can move while the active joints are locked.
+        force_closure: unit normals balance in force and moment for the given contacts, or (planar,
+            two fingers) face each other on one line; see `force_closure_residual`.
+        force_closure_residual: |Σ n̂| and |Σ c × n̂| of (44)-(45), [1, m].
+    """
+
+    rows: int
+    columns: int
+    rank: int
+    smallest_singular_value: float
+    condition: float
+    redundant: bool
+    indeterminate: bool
+    force_closure: bool
+    force_closure_residual: tuple[float, float]
+
+
+def equilibrium_residuals(points: Array, normals: Array) -> tuple[float, float]:
+    """ε_f and ε_m of the unit frictionless equilibrium (44)-(45).
+
+    Args:
+        points: (n, 3) contact points in the object frame, [m].
+        normals: (n, 3) outward unit normals in the object frame.
+
+    Returns:
+        ½ fᵀf (no unit) and ½ mᵀm [m²] with f = Σ n̂ and m = Σ c × n̂.
+    """
+    f = normals.sum(axis=0)
+    m = np.cross(points, normals).sum(axis=0)
+    return 0.5 * float(f @ f), 0.5 * float(m @ m)

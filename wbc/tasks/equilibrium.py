@@ -1,0 +1,119 @@
+"""Unit frictionless equilibrium: where the fingers should slide so that unit normals balance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from wbc.arrays import Array
+from wbc.compiled import kernel
+from wbc.contact.extended_finger import ExtendedKinematics
+from wbc.rotations import cross
+from wbc.tasks.base import Task, TaskRows
+
+# Below this norm the direction of the residual is taken from its Jacobian instead: at the goal the
+# residual is zero, but the direction in which it can vary is not.
+_DIRECTION_FLOOR = 1e-9
+
+
+@kernel
+def _direction(f: Array, jacobian: Array) -> Array:
+    """Unit vector along f, and where f vanishes the one along which the Jacobian moves f most."""
+    size = np.sqrt(np.sum(f * f))
+    if size > _DIRECTION_FLOOR:
+        return f / size
+    gram = jacobian @ jacobian.T
+    best = np.zeros(3)
+    column = np.argmax(np.diag(gram))
+    best[:] = gram[:, column]
+    for _ in range(30):  # power iteration on a 3x3 matrix
+        size = np.sqrt(np.sum(best * best))
+        if size < 1e-300:
+            return np.zeros(3)
+        best = gram @ (best / size)
+    size = np.sqrt(np.sum(best * best))
+    return best / size if size > 1e-300 else np.zeros(3)
+
+
+@kernel
+def _force_row(charts, frame, normal_xi, squared, nv, error, jacobian):  # type: ignore[no-untyped-def]
+    f = np.zeros(3)
+    n = charts.shape[0]
+    df = np.zeros((3, 2 * n))
+    for i in range(n):
+        f += frame[i, :, 2]
+        df[:, 2 * i : 2 * i + 2] = normal_xi[i]
+    if squared:
+        error[0] = -0.5 * np.sum(f * f)
+        jacobian[0, nv:] = f @ df
+    else:
+        error[0] = -np.sqrt(np.sum(f * f))
+        jacobian[0, nv:] = _direction(f, df) @ df
+
+
+@kernel
+def _moment_row(charts, frame, normal_xi, squared, planar, nv, error, jacobian):  # type: ignore[no-untyped-def]
+    m = np.zeros(3)
+    n = charts.shape[0]
+    dm = np.zeros((3, 2 * n))
+    for i in range(n):
+        m += cross(charts[i, 0], frame[i, :, 2])
+        for k in range(2):
+            dm[:, 2 * i + k] = cross(charts[i, 1 + k], frame[i, :, 2]) + cross(
+                charts[i, 0], normal_xi[i, :, k]
+            )
+    if squared:
+        error[0] = -0.5 * np.sum(m * m)
+        jacobian[0, nv:] = m @ dm
+    elif planar:
+        error[0] = -m[2]
+        jacobian[0, nv:] = dm[2]
+    else:
+        error[0] = -np.sqrt(np.sum(m * m))
+        jacobian[0, nv:] = _direction(m, dm) @ dm
+
+
+@final
+@dataclass(frozen=True)
+class EquilibriumForce(Task):
+    """σ = |f|, f = Σ n̂_i over all fingers of the grasp (44); one row, no unit.
+
+    ε_f = ½ fᵀf itself (`squared`) is the published task: its Jacobian vanishes with it, so any
+    damping stalls it. The vector f is no task either: at the goal its rank drops and away from it
+    it takes all the freedom that the moment needs.
+    """
+
+    squared: bool = False
+
+    @property
+    def rows(self) -> int:
+        return 1
+
+    def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
+        _force_row(
+            kin.charts, kin.frame, kin.normal_xi, self.squared, kin.robot.model.nv,
+            out.error, out.jacobian,
+        )  # fmt: skip
+
+
+@final
+@dataclass(frozen=True)
+class EquilibriumMoment(Task):
+    """σ = m, m = Σ c_i × n̂_i (45): signed in the plane, |m| in space; one row, [m].
+
+    `squared` gives the published ε_m = ½ mᵀm, [m²].
+    """
+
+    squared: bool = False
+
+    @property
+    def rows(self) -> int:
+        return 1
+
+    def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
+        _moment_row(
+            kin.charts, kin.frame, kin.normal_xi, self.squared, kin.grasp.planar,
+            kin.robot.model.nv, out.error, out.jacobian,
+        )  # fmt: skip

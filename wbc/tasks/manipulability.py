@@ -1,0 +1,138 @@
+"""Manipulability of each finger: stay away from singular postures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from wbc.arrays import Array, IntArray
+from wbc.compiled import kernel
+from wbc.contact.extended_finger import ExtendedKinematics
+from wbc.rotations import cross
+from wbc.tasks.base import Task, TaskRows, fade
+
+
+@kernel
+def manipulability_gradient(linear, angular, chain, size, gradient):  # type: ignore[no-untyped-def]
+    """w = sqrt(det(J Jᵀ)) of a chain's position Jacobian (46) and its gradient.
+
+    dw/dq_k = w tr((J Jᵀ)⁻¹ ∂J/∂q_k Jᵀ), with ∂J_j/∂q_k = ω_min(j,k) × J_max(j,k) for a serial chain
+    listed from its root.
+
+    Args:
+        linear, angular: (3, nv) Jacobians of the tip.
+        chain: joints of the chain, root first, padded with -1.
+        size: rows of J, 2 in the plane or 3.
+        gradient: (nv,), filled at the chain's joints.
+
+    Returns:
+        w; at w = 0 the gradient is left zero.
+    """
+    n = 0
+    while n < chain.shape[0] and chain[n] >= 0:
+        n += 1
+    j = np.zeros((3, n))
+    for k in range(n):
+        j[:, k] = linear[:, chain[k]]
+    gram = j[:size] @ j[:size].T
+    det, adjugate = _det_adjugate(gram)
+    if not det > 0.0:
+        return 0.0
+    w = np.sqrt(det)
+    m = np.zeros((3, n))  # (J Jᵀ)⁻¹ J
+    m[:size] = adjugate @ j[:size] / det
+    for k in range(n):
+        total = 0.0
+        for i in range(n):
+            first, last = min(i, k), max(i, k)
+            dj = cross(angular[:, chain[first]], j[:, last])
+            total += dj[0] * m[0, i] + dj[1] * m[1, i] + dj[2] * m[2, i]
+        gradient[chain[k]] = w * total
+    return w
+
+
+@kernel
+def _det_adjugate(a):  # type: ignore[no-untyped-def]
+    """Determinant and adjugate of a symmetric (2, 2) or (3, 3) matrix."""
+    out = np.zeros(a.shape)
+    if a.shape[0] == 2:
+        out[0, 0], out[1, 1] = a[1, 1], a[0, 0]
+        out[0, 1], out[1, 0] = -a[0, 1], -a[1, 0]
+        return a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0], out
+    out[0] = cross(a[1], a[2])
+    out[1] = cross(a[2], a[0])
+    out[2] = cross(a[0], a[1])
+    return np.sum(a[0] * out[0]), out
+
+
+@kernel
+def _shortfall_rows(
+    linear, angular, chains, fingers, size, threshold, band, squared, error, jacobian, activation
+):  # type: ignore[no-untyped-def]
+    nv = linear.shape[2]
+    for r in range(fingers.shape[0]):
+        f = fingers[r]
+        gradient = jacobian[r, :nv]
+        w = manipulability_gradient(linear[f], angular[f], chains[r], size, gradient)
+        shortfall = threshold - w
+        if shortfall <= 0.0:
+            gradient[:] = 0.0
+            activation[r] = 0.0
+        elif squared:
+            error[r] = -0.5 * shortfall * shortfall
+            gradient *= -shortfall
+        else:
+            error[r] = -shortfall
+            gradient *= -1.0
+            activation[r] = fade(shortfall, band)
+
+
+@final
+@dataclass(frozen=True)
+class Manipulability(Task):
+    """σ_i = w̄ − w_i while w_i < w̄, else no row (46)-(47); one row per finger, m² in the plane.
+
+    The rows fade in over `band` below the threshold. The published ½(w̄ − w)² (`squared`) has a
+    Jacobian that vanishes with it.
+
+    Attributes:
+        fingers: (m,) fingers of the grasp.
+        chains: (m, L) the joints of each finger's chain from the root, padded with -1.
+        threshold: w̄.
+        band: width of the fade, in the units of w.
+        planar: position Jacobian of two rows instead of three.
+    """
+
+    fingers: IntArray
+    chains: IntArray
+    threshold: float
+    band: float
+    planar: bool
+    squared: bool = False
+
+    @property
+    def rows(self) -> int:
+        return len(self.fingers)
+
+    @property
+    def separate(self) -> bool:
+        return True
+
+    def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
+        _shortfall_rows(
+            kin.robot.linear, kin.robot.angular, self.chains, self.fingers,
+            2 if self.planar else 3, self.threshold, self.band, self.squared,
+            out.error, out.jacobian, out.activation,
+        )  # fmt: skip
+
+
+def finger_chains(kin_support: Array) -> IntArray:
+    """Joints that move each tip, from the root, padded with -1, from 0/1 support rows (m, nv)."""
+    width = int(kin_support.sum(axis=1).max())
+    chains = np.full((kin_support.shape[0], width), -1, dtype=np.int64)
+    for row, support in enumerate(kin_support):
+        joints = np.flatnonzero(support)
+        chains[row, : len(joints)] = joints
+    return chains
