@@ -1,0 +1,39 @@
+"""A circle in the plane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wbc.arrays import Array, IntArray, read_only
+from wbc.contact.surfaces.base import check_sizes
+from wbc.contact.surfaces.contour import Contour
+from wbc.contact.surfaces.gauge import gauge_level, gauge_level_gradient
+from wbc.contact.surfaces.harmonics import harmonic_charts
+
+
+@dataclass(frozen=True)
+class Circle(Contour):
+    """x = r cos u, y = r sin u. F is the signed distance |p| - r.
+
+    Attributes:
+        radius: r [m].
+    """
+
+    radius: float
+    rows: Array = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        check_sizes(self, radius=self.radius)
+        object.__setattr__(self, "rows", read_only([[1.0, self.radius, 0.0, 0.0, self.radius]]))
+
+    def evaluate(self, xi: Array, face: IntArray, out: Array) -> None:
+        harmonic_charts(self.rows, xi, face, out)
+
+    def level(self, p: Array) -> float:
+        return gauge_level(np.asarray(p)[:2], np.full(2, self.radius), 2.0)
+
+    def level_gradient(self, p: Array) -> Array:
+        slope = gauge_level_gradient(np.asarray(p)[:2], np.full(2, self.radius), 2.0)
+        return np.append(slope, 0.0)
