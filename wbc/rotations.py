@@ -75,12 +75,30 @@ def quaternion(r: Array) -> Array:
 
 @kernel
 def dexp_inverse(phi: Array, w: Array) -> Array:
-    """Rate of the rotation vector phi when exp(phi) turns at w (both in the fixed frame), to O(phi^4).
+    """Rate of the rotation vector phi when exp(phi) turns at w (fixed axes), to O(phi^4).
 
     For the stages of a Runge-Kutta step, where |phi| is the rotation of one tick.
     """
     c = cross(phi, w)
     return w - 0.5 * c + cross(phi, c) / 12.0
+
+
+@kernel
+def log_jacobian(phi: Array) -> Array:
+    """Λ(φ), shape (3, 3): φ̇ = Λ ω when exp(φ) turns at ω in the fixed axes; φ̇ = Λᵀ ω in its own.
+
+    The inverse of the left Jacobian of SO(3), exact for |φ| < 2π and thus for every logarithm, also
+    at π: Λ = I − S(φ)/2 + c S(φ)² with c = (1 − (|φ|/2) cot(|φ|/2)) / |φ|² (Solà, Deray, Atchuthan,
+    "A micro Lie theory for state estimation in robotics", 2018, (146)).
+    """
+    angle2 = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
+    if angle2 < 1e-3:  # the quotient loses digits here, the series has them all
+        c = 1.0 / 12.0 + angle2 / 720.0 + angle2 * angle2 / 30240.0
+    else:
+        half = 0.5 * np.sqrt(angle2)
+        c = (1.0 - half / np.tan(half)) / angle2
+    s = skew(phi)
+    return np.eye(3) - 0.5 * s + c * (s @ s)
 
 
 def rotation_from_rpy(rpy: Array) -> Array:

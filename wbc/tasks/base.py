@@ -36,9 +36,7 @@ class TaskRows(NamedTuple):
 
 def empty_rows(count: int, columns: int) -> TaskRows:
     """Rows to evaluate one task on its own."""
-    return TaskRows(
-        np.zeros(count), np.zeros((count, columns)), np.zeros(count), np.ones(count)
-    )
+    return TaskRows(np.zeros(count), np.zeros((count, columns)), np.zeros(count), np.ones(count))
 
 
 @dataclass(frozen=True)
@@ -84,3 +82,18 @@ def fade(depth: float, band: float) -> float:
     if x >= 1.0:
         return 1.0
     return x * x * (3.0 - 2.0 * x)
+
+
+@kernel
+def coordinate_rows(point, jacobian_of_point, axes, target, error, jacobian, rate):  # type: ignore[no-untyped-def]
+    """Rows of σ = point[axes]: a point (3,) of the robot with its Jacobian (3, nv), [m].
+
+    The target is the point's (3,), or (6,) with its velocity.
+    """
+    nv = jacobian_of_point.shape[1]
+    for r in range(axes.shape[0]):
+        a = axes[r]
+        error[r] = target[a] - point[a]
+        jacobian[r, :nv] = jacobian_of_point[a]
+        if target.shape[0] == 6:
+            rate[r] = target[3 + a]

@@ -47,4 +47,3 @@ class PalmDistance(Task):
         v, w = kin.reference.twist[:3], kin.reference.twist[3:]
         out.rate[0] = gradient @ v + gradient @ cross(w, offset)
         out.activation[0] = fade(-level, self.band)
-

@@ -14,30 +14,39 @@ from wbc.tasks.base import Task, TaskRows
 
 @kernel
 def _tip_rows(
-    tip, linear, axes, object_position, object_rotation, twist, target, planar, nv, error, jacobian, rate
-):  # type: ignore[no-untyped-def]
-    arm = object_rotation @ target[:3]
-    gap = object_position + arm - tip
-    velocity = twist[:3] + cross(twist[3:], arm) + object_rotation @ target[3:]
+    tip, linear, finger, axes, spin, object_position, object_rotation, twist, target, planar,
+    error, jacobian, rate,
+):  # type: ignore[no-untyped-def]  # fmt: skip
+    nv = linear.shape[1]
+    start = nv + 2 * finger
+    gap = object_position + object_rotation @ target[:3] - tip
+    # the target's velocity less what the object's motion gives the tip where it is now
+    velocity = twist[:3] + cross(twist[3:], tip - object_position) + object_rotation @ target[3:]
+    world_axes = (object_rotation @ axes).T.copy()
+    gap_c = world_axes @ gap
     for r in range(error.shape[0]):
         # tangent(s) first, normal last; the planar frame's second tangent is out of the plane
         column = (2 if r == 1 else 0) if planar else r
-        axis = object_rotation @ axes[:, column]
-        error[r] = axis @ gap
+        axis = world_axes[column]
+        error[r] = gap_c[column]
         jacobian[r, :nv] = axis @ linear
         rate[r] = axis @ velocity
+        # the axes turn with the chart coordinates: ∂(axis · gap) = (spin × axis) · gap
+        before, after = (column + 2) % 3, (column + 1) % 3
+        jacobian[r, start : start + 2] = spin[after] * gap_c[before] - spin[before] * gap_c[after]
 
 
 @final
 @dataclass(frozen=True)
 class TipPosition(Task):
-    """σ = tip of one finger along the axes of its contact frame, in the object frame; [m].
+    """σ = tip less target, in the object frame along the axes of the contact frame; [m].
 
     The rows are levels of their own: where the contact already fixes the tip along its normal, that
     row finds no freedom left and the tangential ones still act.
 
     The target is (6,): point in the object frame [m], and its velocity there [m/s]. The object is
-    taken as it moves by its reference, so the Jacobian is over the joints alone.
+    taken as it moves by its reference: the Jacobian is for an object at rest, over the joints and
+    the finger's chart coordinates, with which the axes turn.
 
     Attributes:
         finger: index in the grasp.
@@ -57,7 +66,8 @@ class TipPosition(Task):
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
         _tip_rows(
-            kin.robot.position[self.finger], kin.robot.linear[self.finger], kin.frame[self.finger],
-            kin.object_position, kin.object_rotation, kin.reference.twist, target, self.planar,
-            kin.robot.model.nv, out.error, out.jacobian, out.rate,
+            kin.robot.position[self.finger], kin.robot.linear[self.finger], self.finger,
+            kin.frame[self.finger], kin.spin[self.finger], kin.object_position,
+            kin.object_rotation, kin.reference.twist, target, self.planar,
+            out.error, out.jacobian, out.rate,
         )  # fmt: skip
