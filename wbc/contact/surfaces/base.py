@@ -163,6 +163,6 @@ def check_sizes(surface: Surface, **sizes: Any) -> None:
 
 
 def check_exponent(surface: Surface, exponent: float) -> None:
-    """Refuse an exponent below 2, where the curvature on the axes is infinite."""
-    if not (math.isfinite(exponent) and exponent >= 2.0):
-        raise WbcError(f"{type(surface).__name__}: p = {exponent} must be finite and at least 2")
+    """Refuse an exponent below 2, for its infinite curvature on the axes, or like a box's."""
+    if not 2.0 <= exponent <= 100.0:
+        raise WbcError(f"{type(surface).__name__}: p = {exponent} must be from 2 to 100")

@@ -95,7 +95,8 @@ class Contour(Surface):
         reach = plane.cross2(next_point - point, next_tangent) / np.where(bulge, turn, 1.0)
         corner = np.where(bulge[:, None], point + reach[:, None] * tangent, point)
         out = np.stack([point, corner], axis=1).reshape(-1, 2)
-        return out[np.repeat(bulge, 2) | (np.arange(out.shape[0]) % 2 == 0)]
+        enclosing: Array = out[np.repeat(bulge, 2) | (np.arange(out.shape[0]) % 2 == 0)]
+        return enclosing
 
 
 def check_contour(contour: Contour) -> None:

@@ -37,7 +37,7 @@ def gauge(x: Array, sizes: Array, p: float) -> tuple[float, Array, Array]:
 
 
 def gauge_level(x: Array, sizes: Array, p: float) -> float:
-    """F = (g - 1)/|∇g| [m]: the distance to first order, and exactly |x| - r for equal a_i, p = 2."""
+    """F = (g - 1)/|∇g| [m]: the distance to first order; |x| - r for equal a_i and p = 2."""
     g, first, _ = gauge(x, sizes, p)
     return (g - 1.0) / float(np.linalg.norm(first))
 

@@ -11,32 +11,10 @@ import math
 
 from wbc.arrays import Array
 from wbc.compiled import kernel
-
-Vector = tuple[float, float, float]
+from wbc.contact.surfaces.vectors import Vector, added, cross, dot, scaled, vector
 
 POLE = 1e-10  # |c_u| below this fraction of |c_uv|: the tangent c_u has lost its direction
 TINY = 1e-300
-
-
-@kernel
-def vector(row: Array) -> Vector:
-    """The three numbers of a row: compiled code keeps them in registers."""
-    return (row[0], row[1], row[2])
-
-
-@kernel
-def dot(a: Vector, b: Vector) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@kernel
-def cross(a: Vector, b: Vector) -> Vector:
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-
-
-@kernel
-def scaled(s: float, a: Vector) -> Vector:
-    return (s * a[0], s * a[1], s * a[2])
 
 
 @kernel
@@ -52,7 +30,7 @@ def unit_rate(unit: Vector, length: float, rate: Vector) -> Vector:
 
 @kernel
 def tangent(record: Array) -> Vector:
-    """c_u; at a chart pole, where it vanishes, a short vector along its limit from inside the chart.
+    """c_u; at a chart pole, where it vanishes, a short vector along its limit in the chart.
 
     There c_u is (v - v_pole) c_uv to first order; of the two directions the one that makes the
     normal point away from the origin of the object is the limit.
@@ -70,8 +48,8 @@ def tangent(record: Array) -> Vector:
 def gauss_frames(charts: Array, frame: Array, normal_xi: Array, spin: Array) -> None:
     """Frame of each contact in the object, and how it moves with the chart coordinates.
 
-    With N = c_u x c_v the rates are n_ξ = (I - n nᵀ) N_ξ/|N| and x_ξ = (I - x xᵀ) [c_uu c_uv]/|c_u|,
-    and the angular velocity of C relative to O, expressed in C, is W ξ̇ with
+    With N = c_u x c_v the rates are n_ξ = (I - n nᵀ) N_ξ/|N|, x_ξ = (I - x xᵀ) [c_uu c_uv]/|c_u|.
+    The angular velocity of C relative to O, expressed in C, is W ξ̇ with
     W = [-yᵀ n_ξ; xᵀ n_ξ; yᵀ x_ξ]. At a chart pole, where W has no limit, the numbers stay finite.
 
     Args:
@@ -98,13 +76,7 @@ def gauss_frames(charts: Array, frame: Array, normal_xi: Array, spin: Array) -> 
             # j = 0: rates with u; j = 1: rates with v
             c_uj = vector(charts[i, 3]) if j == 0 else c_uv
             c_vj = c_uv if j == 0 else vector(charts[i, 5])
-            first = cross(c_uj, c_v)
-            second = cross(c_u, c_vj)
-            n_j = unit_rate(
-                n,
-                length_n,
-                (first[0] + second[0], first[1] + second[1], first[2] + second[2]),
-            )
+            n_j = unit_rate(n, length_n, added(cross(c_uj, c_v), cross(c_u, c_vj)))
             x_j = unit_rate(x, length_u, c_uj)
             for k in range(3):
                 normal_xi[i, k, j] = n_j[k]

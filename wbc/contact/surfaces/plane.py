@@ -122,7 +122,9 @@ def split_at(polygon: Array, corner: int) -> tuple[Array, Array]:
     ends = turned[1:] - origin
     beside = cross2(ray, ends)
     across = beside[:-1] * beside[1:] <= 0.0
-    weight = beside[:-1] / np.where(across, beside[:-1] - beside[1:], 1.0)
+    change = beside[:-1] - beside[1:]
+    across &= change != 0.0
+    weight = beside[:-1] / np.where(across, change, 1.0)
     hits = ends[:-1] + weight[:, None] * (ends[1:] - ends[:-1])
     reach = np.where(across & (hits @ ray > 0.0), hits @ ray, np.inf)
     k = int(np.argmin(reach))
@@ -135,7 +137,8 @@ def split_at(polygon: Array, corner: int) -> tuple[Array, Array]:
 
 def convex_parts(polygon: Array, depth: float) -> list[Array]:
     """Cut a simple polygon at its notches until each part fills its hull to `depth` [m]."""
-    todo, done = [polygon], []
+    todo: list[Array] = [polygon]
+    done: list[Array] = []
     while todo:
         part = todo.pop()
         corner, notch = deepest_notch(part)
