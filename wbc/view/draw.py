@@ -1,0 +1,243 @@
+"""A scene and its snapshots as meshcat commands.
+
+Nodes of the page's scene tree, each a stable path:
+
+    /wbc/grid                         lines for scale, 1, 2 or 5 times a power of ten apart
+    /wbc/world/<shape>                what belongs to no body
+    /wbc/robot/<body>/<shape>         the pose is that of /wbc/robot/<body>
+    /wbc/object                       pose; below it /wbc/object/mesh and /wbc/object/outline
+    /wbc/contacts/<name>/point        sphere at the contact, green when touching, grey when not
+    /wbc/contacts/<name>/normal       arrow; its z axis is the outward normal of the object
+
+The text panel is no node: meshcat has no fixed overlay, so it is #wbc-panel of the page.
+
+Commands are bytes in meshcat's own protocol, keyed by what they set. A page is up to date once it
+has had the latest bytes of every key, in the order of the keys; that is all the server keeps.
+"""
+
+from __future__ import annotations
+
+import math
+import uuid
+from typing import Any
+
+import numpy as np
+import umsgpack
+from meshcat import geometry as g
+
+from wbc.arrays import Array
+from wbc.view.meshes import capsule, ribbon
+from wbc.view.scene import ObjectShape, Scene, SceneShape, Snapshot, body_matrices, pose_matrices
+
+Commands = dict[tuple[str, str], bytes]
+"""(path, property) -> encoded command."""
+
+TOUCHING = (0.16, 0.68, 0.35, 1.0)
+FREE = (0.62, 0.65, 0.70, 1.0)
+GRID = (0.80, 0.835, 0.875, 1.0)
+OUTLINE = (0.16, 0.18, 0.23, 1.0)
+POINT_RADIUS, ARROW_LENGTH, ARROW_RADIUS, OUTLINE_WIDTH = 0.016, 0.13, 0.0055, 0.010
+"""Sizes of marks, as parts of the extent of the scene."""
+
+_BACKGROUND = {"top_color": [1.0, 1.0, 1.0], "bottom_color": [0.90, 0.925, 0.95]}
+# three.js lays cylinders along y; the convention of robot descriptions is z.
+_Z_FROM_Y = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
+
+
+def node(*names: str) -> str:
+    """The path of a node; a slash inside a name would open another level, so it is replaced."""
+    return "/wbc/" + "/".join(name.replace("/", "|") or "_" for name in names)
+
+
+def pack(command: dict[str, Any]) -> bytes:
+    """One command in meshcat's protocol."""
+    data: bytes = umsgpack.packb(command)
+    return data
+
+
+def set_transform(path: str, matrix: Array) -> bytes:
+    column_major = matrix.T.ravel().tolist()
+    return pack({"type": "set_transform", "path": path, "matrix": column_major})
+
+
+def set_property(path: str, key: str, value: Any) -> bytes:
+    return pack({"type": "set_property", "path": path, "property": key, "value": value})
+
+
+def _set_object(path: str, shape: Any, material: Any, **more: Any) -> bytes:
+    solid = g.Mesh(shape, material) if isinstance(shape, g.Geometry) else shape
+    # meshcat's own identifiers hold the machine's network address and the time; ours only the path.
+    for part, element in (("s", shape), ("g", solid.geometry), ("m", material), ("o", solid)):
+        element.uuid = str(uuid.uuid5(uuid.NAMESPACE_URL, f"{path}#{part}"))
+    lowered = solid.lower()
+    lowered["object"].update(more)
+    return pack({"type": "set_object", "path": path, "object": lowered})
+
+
+def _material(rgba: tuple[float, ...], kind: Any = g.MeshLambertMaterial, **more: Any) -> Any:
+    red, green, blue = (round(255 * min(max(c, 0.0), 1.0)) for c in rgba[:3])
+    return kind(color=(red << 16) + (green << 8) + blue, opacity=float(rgba[3]), **more)
+
+
+def _mesh(vertices: Array, triangles: Any) -> Any:
+    return g.TriangularMeshGeometry(vertices, triangles)
+
+
+def _geometry(shape: SceneShape) -> Any:
+    size = [float(s) for s in shape.size]
+    if shape.kind == "sphere":
+        return g.Sphere(size[0])
+    if shape.kind == "box":
+        return g.Box(size)
+    if shape.kind == "cylinder":
+        return g.Cylinder(size[1], size[0])
+    if shape.kind == "capsule":
+        return _mesh(*capsule(size[0], size[1]))
+    assert shape.vertices is not None
+    if shape.kind == "line":
+        return g.PointsGeometry(np.asarray(shape.vertices, dtype=np.float32).T)
+    return _mesh(shape.vertices, shape.triangles)
+
+
+def _shape(out: Commands, path: str, shape: SceneShape) -> None:
+    geometry = _geometry(shape)
+    if shape.kind == "line":
+        material = _material(shape.rgba, g.LineBasicMaterial)
+        out[path, "object"] = _set_object(path, g.Line(geometry, material), material)
+    else:
+        out[path, "object"] = _set_object(path, geometry, _material(shape.rgba))
+    placement = np.asarray(shape.placement, dtype=np.float64)
+    if shape.kind == "cylinder":
+        placement = placement @ _Z_FROM_Y
+    out[path, "transform"] = set_transform(path, placement)
+
+
+def _object(out: Commands, scene: Scene, shape: ObjectShape) -> None:
+    path = node("object", "mesh")
+    out[path, "object"] = _set_object(
+        path, _mesh(shape.vertices, shape.triangles), _material(shape.rgba)
+    )
+    if shape.outline is None:
+        return
+    path, outline = node("object", "outline"), np.asarray(shape.outline, dtype=np.float64)
+    if scene.planar:
+        top = float(np.max(shape.vertices[:, 2])) + 1e-3 * scene.extent
+        band = ribbon(outline, OUTLINE_WIDTH * scene.extent, top)
+        material = _material(OUTLINE, g.MeshBasicMaterial)
+        out[path, "object"] = _set_object(path, _mesh(*band), material)
+    else:
+        material = _material(OUTLINE, g.LineBasicMaterial)
+        points = g.PointsGeometry(outline.astype(np.float32).T)
+        out[path, "object"] = _set_object(path, g.LineLoop(points, material), material)
+
+
+def _contact(out: Commands, scene: Scene, name: str) -> None:
+    """Marks drawn over everything else: a contact lies between two solids and would be hidden."""
+    above = {"depthTest": False, "transparent": True}
+    path = node("contacts", name, "normal")
+    length, radius = ARROW_LENGTH * scene.extent, ARROW_RADIUS * scene.extent
+    head = 0.32 * length
+    parts = (
+        ("shaft", g.Cylinder(length - head, radius), 0.5 * (length - head)),
+        ("head", g.Cylinder(head, radiusTop=0.0, radiusBottom=2.8 * radius), length - 0.5 * head),
+    )
+    for part, solid, height in parts:
+        place = _Z_FROM_Y.copy()
+        place[2, 3] = height
+        below, material = f"{path}/{part}", _material(FREE, g.MeshBasicMaterial, **above)
+        out[below, "object"] = _set_object(below, solid, material, renderOrder=2)
+        out[below, "transform"] = set_transform(below, place)
+    path = node("contacts", name, "point")
+    material = _material(FREE, g.MeshBasicMaterial, **above)
+    ball = g.Sphere(POINT_RADIUS * scene.extent)
+    out[path, "object"] = _set_object(path, ball, material, renderOrder=3)
+
+
+def _grid(out: Commands, scene: Scene) -> None:
+    """A grid of the scene's own size in place of meshcat's, whose cells are half a metre."""
+    x, y, z = scene.center
+    step = _grid_step(scene.extent)
+    half = step * math.ceil((3.2 if scene.planar else 1.6) * scene.extent / step)
+    x, y = step * round(x / step), step * round(y / step)
+    # Behind a planar scene: seen from afar its depth makes no difference.
+    z = z - 0.5 * scene.extent if scene.planar else 0.0
+    ticks = np.arange(-half, half + 0.5 * step, step)
+    ends = [(t, s * half, 0.0) for t in ticks for s in (-1, 1)]
+    lines = np.array([*ends, *((b, a, c) for a, b, c in ends)])
+    lines += (x, y, z)
+    material = _material(GRID, g.LineBasicMaterial)
+    points = g.PointsGeometry(lines.astype(np.float32).T)
+    path = node("grid")
+    out[path, "object"] = _set_object(path, g.LineSegments(points, material), material)
+
+
+def _grid_step(extent: float) -> float:
+    """1, 2 or 5 times a power of ten, about a fifth of `extent`."""
+    power = 10.0 ** math.floor(math.log10(extent / 5.0))
+    return power * max(k for k in (1.0, 2.0, 5.0) if k * power <= extent / 5.0 * (1 + 1e-9))
+
+
+def fixed_commands(scene: Scene) -> Commands:
+    """What is sent once: background, grid, shapes."""
+    out: Commands = {}
+    for key, value in _BACKGROUND.items():
+        out["/Background", key] = set_property("/Background", key, value)
+    out["/Axes", "visible"] = set_property("/Axes", "visible", False)
+    out["/Grid", "visible"] = set_property("/Grid", "visible", False)
+    _grid(out, scene)
+    for shape in scene.shapes:
+        place = ("world",) if shape.body is None else ("robot", shape.body)
+        _shape(out, node(*place, shape.name), shape)
+    if scene.object is not None:
+        _object(out, scene, scene.object)
+    for name in scene.contact_names:
+        _contact(out, scene, name)
+    return out
+
+
+def contact_frames(points: Array, normals: Array) -> Array:
+    """(N, 4, 4) frames at the points with z along the normals; NaN where a normal is missing."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        z = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    helper = np.where(np.abs(z[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+    x = np.cross(helper, z)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    frames = np.zeros((len(points), 4, 4))
+    frames[:, :3, 0], frames[:, :3, 1], frames[:, :3, 2] = x, np.cross(z, x), z
+    frames[:, :3, 3], frames[:, 3, 3] = points, 1.0
+    return frames
+
+
+def poses(scene: Scene, snapshot: Snapshot) -> dict[str, Array]:
+    """The pose of every moving node; NaN where there is none at this instant."""
+    out: dict[str, Array] = {}
+    for name, matrix in zip(scene.body_names, body_matrices(snapshot), strict=True):
+        out[node("robot", name)] = matrix
+    if scene.object is not None:
+        out[node("object")] = pose_matrices(snapshot.object_pose)[0]
+    frames = contact_frames(
+        np.asarray(snapshot.contact_points, dtype=np.float64).reshape(-1, 3),
+        np.asarray(snapshot.contact_normals, dtype=np.float64).reshape(-1, 3),
+    )
+    for name, frame in zip(scene.contact_names, frames, strict=True):
+        at_point = np.eye(4)
+        at_point[:3, 3] = frame[:3, 3]
+        out[node("contacts", name, "point")] = at_point
+        out[node("contacts", name, "normal")] = frame
+    return out
+
+
+def moving_commands(scene: Scene, snapshot: Snapshot) -> Commands:
+    """What a snapshot sets; a node without a finite pose is hidden."""
+    out: Commands = {}
+    for path, matrix in poses(scene, snapshot).items():
+        known = bool(np.isfinite(matrix).all())
+        out[path, "visible"] = set_property(path, "visible", known)
+        if known:
+            out[path, "transform"] = set_transform(path, matrix)
+    for name, touching in zip(scene.contact_names, snapshot.in_contact, strict=True):
+        color = list(TOUCHING if touching else FREE)
+        for part in ("point", "normal"):
+            path = node("contacts", name, part)
+            out[path, "color"] = set_property(path, "color", color)
+    return out
