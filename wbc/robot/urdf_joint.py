@@ -1,0 +1,197 @@
+"""Check of one ``<joint>`` of a URDF."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import cos, hypot, sin
+from typing import final
+
+import numpy as np
+
+from wbc.arrays import Array
+from wbc.robot.strict_xml import Faults, Node, Scope, shown
+
+MOVING = ("revolute", "continuous", "prismatic")
+TYPES = (*MOVING, "fixed")
+_UNSUPPORTED = ("floating", "planar")
+_PARTS = (
+    "parent",
+    "child",
+    "origin",
+    "axis",
+    "limit",
+    "mimic",
+    "dynamics",
+    "calibration",
+    "safety_controller",
+)
+_SHORTEST_AXIS = 1e-6
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A placement: rotation 3x3 and position [m] in the parent frame."""
+
+    rotation: Array = field(default_factory=lambda: np.eye(3))
+    position: Array = field(default_factory=lambda: np.zeros(3))
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """What the check of the tree needs to know of a joint; None where the file is at fault."""
+
+    node: Node
+    name: str | None
+    type: str | None
+    parent: str | None
+    parent_node: Node
+    child: str | None
+    child_node: Node
+    frame: Frame
+    """Where the child lies in the parent."""
+
+    @property
+    def where(self) -> str:
+        """How faults name this joint."""
+        return "a joint without name" if self.name is None else f"joint '{shown(self.name)}'"
+
+    @property
+    def moves(self) -> bool:
+        """Whether the joint has a degree of freedom."""
+        return self.type in MOVING
+
+
+def check_joint(node: Node, faults: Faults) -> Joint:
+    """Note the faults of one joint by itself."""
+    name = Scope(faults, "a joint").text(node, "name", "name the joint")
+    scope = Scope(faults, "a joint without name" if name is None else f"joint '{shown(name)}'")
+    scope.known(node, _PARTS)
+    type_ = _check_type(node, scope)
+    ends: dict[str, tuple[str | None, Node]] = {}
+    for role in ("parent", "child"):
+        end = scope.only(node, role)
+        if end is None:
+            scope.fault(node, f"no <{role}>", f'write <{role} link="..."/>')
+            ends[role] = (None, node)
+        else:
+            ends[role] = (scope.text(end, "link", f"name the {role} link"), end)
+    frame = check_origin(node, scope)
+    if type_ in MOVING:
+        _check_axis(node, scope)
+    _check_limit(node, type_, scope)
+    _check_extras(node, scope)
+    return Joint(node, name, type_, *ends["parent"], *ends["child"], frame)
+
+
+def check_origin(node: Node, scope: Scope) -> Frame:
+    """Check the optional ``<origin xyz rpy>`` of a joint, inertial, visual or collision."""
+    origin = scope.only(node, "origin")
+    if origin is None:
+        return Frame()
+    scope.known(origin, optional=("xyz", "rpy"))
+    position = scope.vector(origin, "xyz", 3) or (0.0, 0.0, 0.0)
+    roll, pitch, yaw = scope.vector(origin, "rpy", 3) or (0.0, 0.0, 0.0)
+    x = np.array([[1, 0, 0], [0, cos(roll), -sin(roll)], [0, sin(roll), cos(roll)]])
+    y = np.array([[cos(pitch), 0, sin(pitch)], [0, 1, 0], [-sin(pitch), 0, cos(pitch)]])
+    z = np.array([[cos(yaw), -sin(yaw), 0], [sin(yaw), cos(yaw), 0], [0, 0, 1]])
+    return Frame(z @ y @ x, np.array(position))
+
+
+def check_mimics(joints: list[Joint], faults: Faults) -> None:
+    """A mimic joint follows another moving joint of the file, which is no mimic itself."""
+    by_name = {joint.name: joint for joint in joints if joint.name is not None}
+    for joint in joints:
+        mimic = joint.node.first("mimic")
+        leader = None if mimic is None else mimic.attributes.get("joint")
+        if mimic is None or leader is None:
+            continue
+        scope = Scope(faults, joint.where)
+        if leader not in by_name:
+            what = f"mimics the unknown joint '{shown(leader)}'{faults.hint(leader, by_name)}"
+            scope.fault(mimic, what, "name a <joint> of this file")
+        elif leader == joint.name:
+            scope.fault(mimic, "mimics itself", "name the joint to follow, or remove <mimic>")
+        elif by_name[leader].node.first("mimic") is not None:
+            what = f"mimics '{shown(leader)}', which is a mimic itself"
+            scope.fault(mimic, what, "name the joint at the head of the chain")
+        elif by_name[leader].type == "fixed" and joint.moves:
+            what = f"mimics '{shown(leader)}', which is fixed"
+            scope.fault(mimic, what, "name a moving joint, or remove <mimic>")
+
+
+def _check_type(node: Node, scope: Scope) -> str | None:
+    type_ = scope.text(node, "type", f"write one of {', '.join(TYPES)}")
+    if type_ is None or type_ in TYPES:
+        return type_
+    if type_ in _UNSUPPORTED:
+        remedy = "model it by prismatic and revolute joints"
+        scope.fault(node, f"joint type '{type_}' is not supported", remedy)
+    else:
+        what = f"unknown joint type '{shown(type_)}'{scope.faults.hint(type_, TYPES)}"
+        scope.fault(node, what, f"write one of {', '.join(TYPES)}")
+    return None
+
+
+def _check_axis(node: Node, scope: Scope) -> None:
+    """Pinocchio normalises the axis, but takes a vanishing one as it is."""
+    axis = scope.only(node, "axis")
+    if axis is None:
+        return  # by the format, the axis is x then
+    values = scope.vector(axis, "xyz", 3, 'write e.g. <axis xyz="0 0 1"/>')
+    if values is not None and hypot(*values) < _SHORTEST_AXIS:
+        scope.fault(axis, "the axis has no length", 'write a unit vector, e.g. "0 0 1"')
+
+
+def _check_limit(node: Node, type_: str | None, scope: Scope) -> None:
+    bounded = type_ in ("revolute", "prismatic")
+    limit = scope.only(node, "limit")
+    if limit is None:
+        if bounded:
+            remedy = 'write <limit lower="..." upper="..." effort="..." velocity="..."/>'
+            scope.fault(node, f"no <limit>, which a {type_} joint needs", remedy)
+        return
+    ranged = "without it Pinocchio locks the joint at 0" if bounded else ""
+    lower = scope.number(limit, "lower", ranged)
+    upper = scope.number(limit, "upper", ranged)
+    effort = scope.number(limit, "effort", "write the largest torque [Nm] or force [N]")
+    velocity = scope.number(limit, "velocity", "write the largest speed [rad/s or m/s]")
+    for name in ("acceleration", "deceleration", "jerk"):
+        scope.number(limit, name)
+    if not bounded:
+        scope.known(limit, optional=("lower", "upper"))
+    if bounded and lower is not None and upper is not None and lower > upper:
+        scope.fault(limit, f"lower {lower:g} is above upper {upper:g}", "swap them")
+    if type_ in MOVING and effort is not None and effort < 0:
+        scope.fault(limit, f"effort {effort:g} is negative", "write its magnitude")
+    if type_ in MOVING and velocity is not None and velocity <= 0:
+        scope.fault(limit, f"velocity {velocity:g} is not positive", "write the largest speed")
+
+
+def _check_extras(node: Node, scope: Scope) -> None:
+    """The optional parts, whose garbage would make Pinocchio refuse the file without a cause."""
+    mimic = scope.only(node, "mimic")
+    if mimic is not None:
+        scope.known(mimic, optional=("multiplier", "offset"))
+        scope.text(mimic, "joint", "name the joint to follow")
+        scope.number(mimic, "multiplier")
+        scope.number(mimic, "offset")
+    dynamics = scope.only(node, "dynamics")
+    if dynamics is not None:
+        found = [scope.number(dynamics, name) for name in ("damping", "friction")]
+        if not {"damping", "friction"} & dynamics.attributes.keys():
+            what = "<dynamics> has neither 'damping' nor 'friction'"
+            scope.fault(dynamics, what, "write one of them, or remove <dynamics>")
+        for value in found:
+            if value is not None and value < 0:
+                scope.fault(dynamics, f"<dynamics> value {value:g} is negative", "write it >= 0")
+    safety = scope.only(node, "safety_controller")
+    if safety is not None:
+        scope.number(safety, "k_velocity", "write the velocity gain")
+        for name in ("k_position", "soft_lower_limit", "soft_upper_limit"):
+            scope.number(safety, name)
+    calibration = scope.only(node, "calibration")
+    if calibration is not None:
+        for name in ("rising", "falling"):
+            scope.number(calibration, name)
