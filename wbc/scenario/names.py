@@ -1,0 +1,126 @@
+"""Names of a scenario that only the robot can judge."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+
+from wbc.scenario.blocks import EVERY
+from wbc.scenario.kinds import (
+    CollisionSpec,
+    FrameOrientationSpec,
+    FramePoseSpec,
+    FramePositionSpec,
+    JointLimitsSpec,
+    PalmDistanceSpec,
+    PostureSpec,
+    RelativePoseSpec,
+)
+from wbc.scenario.schema import Scenario
+from wbc.scenario.units import Coordinate
+from wbc.scenario.wording import Fault, Faults, KeyPath
+
+_FRAMED = (
+    PalmDistanceSpec,
+    FramePoseSpec,
+    FramePositionSpec,
+    FrameOrientationSpec,
+    RelativePoseSpec,
+)
+
+
+def check_names(
+    scenario: Scenario,
+    joints: Collection[str],
+    frames: Collection[str],
+    links: Collection[str],
+    prismatic: Collection[str] = (),
+) -> list[Fault]:
+    """Joints, frames and links that the robot does not have, as faults that `Loaded.error` locates.
+
+    Args:
+        scenario: the scenario.
+        joints: names of the actuated joints, and `prismatic` those of them that take a length.
+        frames: names of all frames.
+        links: names of the bodies that can collide.
+        prismatic: a subset of `joints`.
+    """
+    faults = Faults()
+    for path, joint in _joints(scenario):
+        if joint not in joints:
+            faults.unknown(path, "joint", joint, joints, on="key")
+    for path, joint in _listed_joints(scenario):
+        if joint not in joints:
+            faults.unknown(path, "joint", joint, joints)
+    for path, joint, value in _positions(scenario):
+        wanted = "length" if joint in prismatic else "angle"
+        if joint in joints and value.dimension not in (wanted, "any"):
+            faults.add(path, f"joint '{joint}' takes {'an' if wanted == 'angle' else 'a'} {wanted}")
+    for path, frame in _frames(scenario):
+        if frame not in frames:
+            faults.unknown(path, "frame", frame, frames)
+    _links(scenario, links, faults)
+    return faults.found
+
+
+def _positions(scenario: Scenario) -> Iterator[tuple[KeyPath, str, Coordinate]]:
+    yield from _entries(("robot", "start"), scenario.robot.start)
+    for name, task in scenario.tasks.items():
+        if isinstance(task, PostureSpec) and task.target is not None:
+            yield from _entries(("tasks", name, "target"), task.target)
+    for name, cost in scenario.costs.items():
+        if isinstance(cost, JointLimitsSpec):
+            yield from _entries(("costs", name, "lower"), cost.lower)
+            yield from _entries(("costs", name, "upper"), cost.upper)
+
+
+def _entries(
+    path: KeyPath, values: Mapping[str, Coordinate]
+) -> Iterator[tuple[KeyPath, str, Coordinate]]:
+    return (((*path, joint), joint, value) for joint, value in values.items() if joint != EVERY)
+
+
+def _joints(scenario: Scenario) -> Iterator[tuple[KeyPath, str]]:
+    yield from ((path, joint) for path, joint, _ in _positions(scenario))
+    yield from ((("robot", "metric", joint), joint) for joint in scenario.robot.metric)
+
+
+def _listed_joints(scenario: Scenario) -> Iterator[tuple[KeyPath, str]]:
+    for name, task in scenario.tasks.items():
+        if isinstance(task, PostureSpec):
+            for i, joint in enumerate(task.joints or ()):
+                yield ("tasks", name, "joints", i), joint
+
+
+def _frames(scenario: Scenario) -> Iterator[tuple[KeyPath, str]]:
+    for finger, frame in scenario.robot.fingers.items():
+        yield ("robot", "fingers", finger), frame
+    for name, task in scenario.tasks.items():
+        if isinstance(task, _FRAMED):
+            yield ("tasks", name, "frame"), task.frame
+        if isinstance(task, RelativePoseSpec):
+            yield ("tasks", name, "reference"), task.reference
+
+
+def _links(scenario: Scenario, links: Collection[str], faults: Faults) -> None:
+    # The object takes part in collisions like a link.
+    known = [*links, *(["object"] if scenario.object is not None else [])]
+    for path, pair in _pairs(scenario):
+        for i, link in enumerate(pair):
+            if link not in known:
+                faults.unknown((*path, i), "link", link, known)
+        if pair[0] == pair[1]:
+            faults.add(path, "pairs a link with itself")
+
+
+def _pairs(scenario: Scenario) -> Iterator[tuple[KeyPath, tuple[str, ...]]]:
+    collisions = scenario.robot.collisions
+    lists: list[tuple[KeyPath, Iterable[tuple[str, ...]]]] = [
+        (("robot", "collisions", "pairs"), collisions.pairs or ()),
+        (("robot", "collisions", "ignore"), collisions.ignore),
+    ]
+    for name, cost in scenario.costs.items():
+        if isinstance(cost, CollisionSpec):
+            lists.append((("costs", name, "pairs"), cost.pairs or ()))
+    for path, pairs in lists:
+        for i, pair in enumerate(pairs):
+            yield (*path, i), pair

@@ -1,0 +1,222 @@
+"""The blocks of a scenario file, typed. Values are in SI once read.
+
+Each value is judged here; what two values say together, in `relations` and `crosscheck`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal, TypeAlias, final
+
+from pydantic import Field
+
+from wbc.scenario.blocks import (
+    AutoOrPairs,
+    Block,
+    Count,
+    Entries,
+    Face,
+    Flag,
+    Form,
+    Pairs,
+    Pose,
+    Text,
+)
+from wbc.scenario.kinds import AnyCost, AnySurface, AnyTask
+from wbc.scenario.units import (
+    AngularAcceleration,
+    Distance,
+    Force,
+    JointValue,
+    NonNegative,
+    PositiveLength,
+    PositiveNumber,
+    PositiveTime,
+    Quantity,
+    RateOrOff,
+    Stiffness,
+    Time,
+)
+
+MAX_TICKS: Final = 10_000_000
+ContactType: TypeAlias = Literal["fixed", "sliding"]
+
+
+@final
+class Collisions(Block):
+    """Which bodies are watched for collision."""
+
+    pairs: AutoOrPairs = Field(None, description="auto: all that can meet, fewer those of the SRDF")
+    ignore: Pairs = Field((), description="pairs of links to leave out")
+
+
+@final
+class Robot(Block):
+    """The robot, its fingers and where it starts."""
+
+    urdf: Text = Field(description="a name in urdf/, or a path beside this file")
+    srdf: Text | None = None
+    fingers: Mapping[str, Text] = Field({}, description="finger: frame of its tip")
+    start: Mapping[str, JointValue] = Field(
+        {}, description="joint: position; fingers that hold are then closed on the object"
+    )
+    metric: Mapping[str, PositiveNumber] = Field(
+        {}, description="joint: weight in the pseudo-inverse, 1 where not given"
+    )
+    collisions: Collisions = Collisions.model_construct(pairs=None, ignore=())
+
+
+@final
+class Object(Block):
+    """The object that the fingers hold."""
+
+    surface: AnySurface = Field(discriminator="type")
+    pose: Pose
+
+
+@final
+class Contact(Block):
+    """Where a finger touches the object, and its spring."""
+
+    at: Annotated[tuple[JointValue, ...], Entries(1, 2)] = Field(
+        description="chart coordinates of the surface, one in the plane, two in space"
+    )
+    face: Face | None = Field(None, description="index or name of the surface's chart")
+    stiffness: Stiffness = 5e4
+    rest_length: Distance = 5e-3
+    force: Force = Field(0.0, description="normal force wanted at the start")
+
+
+@final
+class Stack(Block):
+    """The order of the tasks and the law that resolves them."""
+
+    form: Form = "settled"
+    priority: Annotated[tuple[str, ...], Entries(1, 0)] = Field(
+        description="tasks, the main one first"
+    )
+    gradient_gain: NonNegative = Field(0.1, description="how fast the costs descend")
+
+
+@final
+class Supervisor(Block):
+    """When a task leaves the stack for the sake of a cost, and when it comes back."""
+
+    remove_above: PositiveNumber = 0.05
+    insert_below: PositiveNumber = 0.02
+    horizon: PositiveTime = Field(0.02, description="how far ahead the cost is predicted")
+    smoothing: RateOrOff = Field(20.0, description="rate of the smooth switch; off: at once")
+    dwell: Time = Field(0.0, description="shortest time between two switches of one task")
+
+
+@final
+class Limits(Block):
+    """What the filter after the stack enforces, beyond the URDF's own limits."""
+
+    acceleration: AngularAcceleration | None = None
+    velocity_scale: Annotated[float, Quantity("number", above=0.0, most=1.0)] = Field(
+        1.0, description="fraction of the URDF's velocity limits that may be used"
+    )
+
+
+@final
+class Reach(Block):
+    """A free tip goes to its contact point."""
+
+    clearance: Distance = Field(description="how far outside the surface")
+
+
+@final
+class Motion(Block):
+    """A minimum-jerk motion of the object."""
+
+    target: Pose
+    relative: Flag = Field(
+        False, description="target is a displacement from the pose at the start of the phase"
+    )
+    over: PositiveTime | None = Field(None, description="duration; that of the phase if not given")
+
+
+@final
+class Until(Block):
+    """When a phase is over: when all of these hold."""
+
+    time: Time | None = None
+    residual: Mapping[str, PositiveNumber] = Field({}, description="task: norm of its error")
+    tip_error: PositiveLength | None = Field(None, description="of the fingers that reach")
+    distance: PositiveLength | None = Field(
+        None, description="of the fingers that reach, from the object"
+    )
+    force_closure: Flag | None = None
+
+
+@final
+class Timeout(Block):
+    """What happens when a phase takes too long."""
+
+    after: PositiveTime
+    then: Literal["stop", "next", "hold"]
+
+
+@final
+class Phase(Block):
+    """A part of the exchange: who holds, who moves, what is asked for, and when it is over."""
+
+    name: Text
+    contacts: Mapping[str, ContactType] = {}
+    reach: Mapping[str, Reach] = {}
+    tasks: tuple[str, ...] = Field((), description="beside the main task")
+    force: Mapping[str, Force] = Field({}, description="finger: normal force at the end")
+    object: Motion | None = None
+    over: PositiveTime | None = Field(None, description="duration of what moves in this phase")
+    until: Until | None = Field(None, description="all must hold; the end of the run if not given")
+    timeout: Timeout | None = None
+
+
+@final
+class Simulation(Block):
+    """How the run is computed."""
+
+    duration: PositiveTime
+    step: PositiveTime
+    integrator: Literal["rk4", "euler"] = "rk4"
+    seed: Count = 0
+
+
+@final
+class Scenario(Block):
+    """A robot, what it holds, what it is asked to do, and for how long."""
+
+    name: Text
+    description: str = ""
+    robot: Robot
+    object: Object | None = None
+    contacts: Mapping[str, Contact] = {}
+    tasks: Mapping[str, Annotated[AnyTask, Field(discriminator="type")]]
+    costs: Mapping[str, Annotated[AnyCost, Field(discriminator="type")]] = {}
+    stack: Stack
+    supervisor: Supervisor = Supervisor.model_construct()
+    limits: Limits = Limits.model_construct()
+    phases: tuple[Phase, ...] = ()
+    simulation: Simulation
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON Schema of a scenario file, for editors."""
+    schema = _untitled(Scenario.model_json_schema())
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "wbc scenario",
+        **schema,
+    }
+
+
+def _untitled(node: Any) -> Any:
+    # pydantic titles every field with its own name, which tells an editor nothing.
+    if isinstance(node, dict):
+        return {
+            k: _untitled(v) for k, v in node.items() if not (k == "title" and isinstance(v, str))
+        }
+    if isinstance(node, list):
+        return [_untitled(item) for item in node]
+    return node
