@@ -13,6 +13,7 @@ PHASES = ("approach", "co-grasp", "leave")
 
 
 def contour(n: int = 60, radius: float = 0.1) -> np.ndarray:
+    """A rounded triangle, counter-clockwise."""
     angle = np.linspace(0.0, 2 * np.pi, n, endpoint=False)
     r = radius * (1.0 + 0.12 * np.cos(3 * angle))
     return np.column_stack((r * np.cos(angle), r * np.sin(angle)))

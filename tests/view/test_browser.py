@@ -1,0 +1,179 @@
+"""The pages in a real browser: Debian's Chromium, driven by Playwright's client."""
+
+from __future__ import annotations
+
+import io
+import os
+import threading
+import time
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from wbc.view import LiveView, write_html
+
+from .demo import demo_scene, demo_snapshot
+
+CHROMIUM = "/usr/bin/chromium"
+ARGS = [
+    "--no-sandbox",
+    "--disable-dev-shm-usage",
+    "--disable-gpu",
+    "--enable-unsafe-swiftshader",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+POSITION = "viewer.scene_tree.find(['wbc', 'object']).object.position.toArray()"
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    sync_api = pytest.importorskip("playwright.sync_api", reason="needs the playwright client")
+    if not os.access(CHROMIUM, os.X_OK):
+        pytest.skip(f"needs Debian's chromium at {CHROMIUM}")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def page(chromium):
+    """A page that knows what it asked for and what went wrong in it."""
+    opened = chromium.new_page(viewport={"width": 1000, "height": 640})
+    opened.requested, opened.faults = [], []
+    opened.on("request", lambda r: opened.requested.append(r.url))
+    opened.on("websocket", lambda s: opened.requested.append(s.url))
+    opened.on("pageerror", lambda e: opened.faults.append(str(e)))
+    opened.on("console", lambda m: m.type == "error" and opened.faults.append(m.text))
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def live():
+    """A view of a run that goes on in a thread, at a thousand snapshots per second."""
+    with LiveView(demo_scene()) as view:
+        over = threading.Event()
+        start = time.monotonic()
+
+        def run() -> None:
+            while not over.wait(0.001):
+                view.publish(demo_snapshot(time.monotonic() - start))
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        yield view
+        over.set()
+        thread.join()
+
+
+def picture(page) -> np.ndarray:
+    """The pixels, (height, width, 3) in 0..1."""
+    return matplotlib.image.imread(io.BytesIO(page.screenshot()), format="png")[:, :, :3]
+
+
+def near(pixels: np.ndarray, color: tuple[float, ...], tolerance: float = 0.12) -> int:
+    """How many pixels have about this colour."""
+    return int((np.abs(pixels - np.array(color)).max(axis=2) < tolerance).sum())
+
+
+def assert_drawn(page) -> None:
+    pixels = picture(page)
+    assert near(pixels, (0.94, 0.67, 0.24)) > 5000, "the object is not in the picture"
+    assert near(pixels, (0.35, 0.44, 0.60)) > 1000, "the palms are not in the picture"
+    assert near(pixels, (0.16, 0.68, 0.35)) > 100, "no contact is green"
+
+
+def test_the_live_page_follows_the_run(page, live):
+    page.goto(live.url)
+    page.wait_for_function("viewer.num_messages_received > 60")
+    assert live.browsers == 1
+    seen = []
+    for _ in range(6):
+        seen.append(page.evaluate(POSITION)[1])
+        page.wait_for_timeout(250)
+    assert len(set(seen)) == 6, f"the object stands still: {seen}"
+    assert max(abs(y) for y in seen) <= 0.2 + 1e-6
+    assert_drawn(page)
+    assert float(page.inner_text("#wbc-panel .value").split()[0]) > 0.0
+    assert page.locator("#wbc-panel .task:not(.out)").count() >= 2
+    assert page.locator("#wbc-panel .phase.now").count() == 1
+    hosts = {url.split("/")[2] for url in page.requested if not url.startswith("data:")}
+    assert hosts == {live.url.split("/")[2]}
+    assert page.faults == []
+
+
+def test_the_scene_holds_what_was_published(page):
+    with LiveView(demo_scene()) as view:
+        page.goto(view.url)
+        assert view.wait_for_browser(20.0)
+        shot = demo_snapshot(1.3)
+        view.publish(shot)
+        page.wait_for_function(f"Math.abs({POSITION}[1] - {shot.object_pose[1]}) < 1e-6")
+        turn = "viewer.scene_tree.find(['wbc', 'object']).object.quaternion.toArray()"
+        np.testing.assert_allclose(page.evaluate(turn), shot.object_pose[3:], atol=1e-6)
+        for i, body in enumerate(("left", "right")):
+            place = f"viewer.scene_tree.find(['wbc', 'robot', '{body}']).object.position.toArray()"
+            np.testing.assert_allclose(page.evaluate(place), shot.bodies[i, :3], atol=1e-6)
+        arrow = "viewer.scene_tree.find(['wbc', 'contacts', 'f1', 'normal']).object"
+        direction = (
+            f"new MeshCat.THREE.Vector3(0, 0, 1).applyQuaternion({arrow}.quaternion).toArray()"
+        )
+        np.testing.assert_allclose(page.evaluate(direction), shot.contact_normals[0], atol=1e-6)
+
+
+def test_a_page_survives_its_viewer(page):
+    scene = demo_scene()
+    with LiveView(scene, port=7450) as view:
+        port = view.url
+        page.goto(view.url)
+        assert view.wait_for_browser(20.0)
+        view.publish(demo_snapshot(0.5))
+        page.wait_for_function(f"{POSITION}[1] > 0.05")
+    page.wait_for_function("document.querySelector('#wbc-panel .lost').textContent !== ''")
+    with LiveView(scene, port=7450) as again:
+        if again.url != port:
+            pytest.skip("another program took the port")
+        assert again.wait_for_browser(20.0)
+        again.publish(demo_snapshot(-0.5))
+        page.wait_for_function(f"{POSITION}[1] < -0.05")
+        page.wait_for_function("document.querySelector('#wbc-panel .lost').textContent === ''")
+
+
+@pytest.mark.parametrize("planar", [True, False])
+def test_the_exported_file_plays_by_itself(page, tmp_path, planar):
+    run = [demo_snapshot(0.002 * k) for k in range(1501)]
+    path = write_html(tmp_path / "run.html", demo_scene(planar), run)
+    page.goto(path.as_uri())
+    page.wait_for_function("viewer.animator.playing && viewer.animator.time > 0.1")
+    seen = []
+    for _ in range(4):
+        seen.append(page.evaluate(POSITION)[1])
+        page.wait_for_timeout(200)
+    assert len(set(seen)) == 4, f"the object stands still: {seen}"
+    assert_drawn(page)
+    assert page.requested == [path.as_uri()], "the file asked for something else"
+    assert page.faults == []
+
+
+def test_the_exported_file_can_be_stopped_and_sought(page, tmp_path):
+    run = [demo_snapshot(0.002 * k) for k in range(1501)]
+    page.goto(write_html(tmp_path / "run.html", demo_scene(), run).as_uri())
+    page.wait_for_function("viewer.animator.time > 0.1")
+    page.click("#wbc-player button")
+    page.locator("#wbc-player input").fill("2")
+    page.wait_for_function(f"Math.abs({POSITION}[1] - {0.2 * np.sin(2.0)}) < 1e-3")
+    page.wait_for_function("document.querySelector('#wbc-panel .value').textContent === '2.00 s'")
+    assert page.locator("#wbc-panel .phase.now").inner_text() == "leave"
+    color = (
+        "viewer.scene_tree.find(['wbc','contacts','f2','point','<object>']).object.material.color"
+    )
+    assert page.evaluate(f"{color}.g") < 0.66, "at 2 s the second contact is free"
+    page.locator("#wbc-player input").fill("1")
+    page.wait_for_function(f"{color}.g > 0.66")
