@@ -1,0 +1,1 @@
+"""One suite of laws for every task, cost, surface and contact type, over explicit tables."""
