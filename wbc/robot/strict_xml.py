@@ -300,7 +300,7 @@ def _node(path: Path, element: etree._Element, lines: Iterable[int], depth: int)
 def _near(name: str, valid: Sequence[str]) -> str | None:
     """The known name that `name` is a misspelling of."""
     for candidate in valid:
-        if candidate.lower() == name.lower():
+        if sorted(candidate.lower()) == sorted(name[:80].lower()):
             return candidate
     near = difflib.get_close_matches(name[:80], valid, n=1, cutoff=0.75)
     return near[0] if near else None

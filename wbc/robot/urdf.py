@@ -61,7 +61,8 @@ def _check_robot(robot: Node, faults: Faults) -> None:
     _check_names(links, joints, faults)
     check_mimics(joints, faults)
     by_name = {link.name: link for link in links if link.name is not None}
-    if _check_references(by_name, joints, faults):
+    # A link without name would make every mention of it a fault as well.
+    if len(by_name) == len(links) and _check_references(by_name, joints, faults):
         _check_tree(by_name, joints, faults)
 
 

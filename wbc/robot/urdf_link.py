@@ -77,7 +77,9 @@ def check_material(node: Node, scope: Scope, *, must_be_named: bool) -> str | No
         name = scope.text(node, "name", "name the material")
     colour = scope.only(node, "color")
     if colour is not None:
-        scope.vector(colour, "rgba", 4, 'write <color rgba="r g b a"/>')
+        rgba = scope.vector(colour, "rgba", 4, 'write <color rgba="r g b a"/>')
+        if rgba is not None and not all(0 <= part <= 1 for part in rgba):
+            scope.fault(colour, "a colour outside 0..1 is not read", "write parts from 0 to 1")
     return name
 
 
