@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from wbc.arrays import Array, IntArray, read_only
 from wbc.contact.surfaces.base import check_sizes
 from wbc.contact.surfaces.contour import Contour
@@ -23,17 +21,18 @@ class Circle(Contour):
 
     radius: float
     rows: Array = field(init=False, repr=False, compare=False)
+    sizes: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         check_sizes(self, radius=self.radius)
+        object.__setattr__(self, "sizes", read_only([self.radius, self.radius]))
         object.__setattr__(self, "rows", read_only([[1.0, self.radius, 0.0, 0.0, self.radius]]))
 
     def evaluate(self, xi: Array, face: IntArray, out: Array) -> None:
         harmonic_charts(self.rows, xi, face, out)
 
     def level(self, p: Array) -> float:
-        return gauge_level(np.asarray(p)[:2], np.full(2, self.radius), 2.0)
+        return gauge_level(p, self.sizes, 2.0)
 
     def level_gradient(self, p: Array) -> Array:
-        slope = gauge_level_gradient(np.asarray(p)[:2], np.full(2, self.radius), 2.0)
-        return np.append(slope, 0.0)
+        return gauge_level_gradient(p, self.sizes, 2.0)

@@ -2,58 +2,70 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from wbc.arrays import Array
+from wbc.compiled import kernel
 
 
-def gauge(x: Array, sizes: Array, p: float) -> tuple[float, Array, Array]:
-    """g(x) = (Σ |x_i/a_i|^p)^(1/p) with its gradient and second derivative; g = 1 on the surface.
+@kernel
+def level_and_slope(x: Array, sizes: Array, p: float, slope: Array) -> float:
+    """F = (g - 1)/|∇g| [m] and its gradient, for the gauge g(x) = (Σ |x_i/a_i|^p)^(1/p).
 
-    With t_i = |x_i/a_i|: g_i = sign(x_i) t_i^(p-1) g^(1-p) / a_i and
-    g_ij = (p-1) (δ_ij t_i^(p-2) g^(1-p) / a_i² - g_i g_j / g).
+    g = 1 on the surface, F is the distance to first order there, and |x| - r for equal a_i and
+    p = 2. With t_i = |x_i/a_i|: g_i = sign(x_i) t_i^(p-1) g^(1-p)/a_i,
+    g_ij = (p-1) (δ_ij t_i^(p-2) g^(1-p)/a_i² - g_i g_j/g), ∇F = ∇g/|∇g| - (g - 1) ∇²g ∇g/|∇g|³.
+    At the centre, where g has no gradient, the values of a point beside it on the first axis.
 
     Args:
-        x: (k,) [m]; at the centre, where g has no gradient, a point beside it on the first axis.
+        x: (3,) [m], of which the first k coordinates count.
         sizes: (k,) half axes a_i [m].
+        p: exponent, at least 2.
+        slope: (k,) or longer, its first k numbers filled with ∇F.
 
     Returns:
-        g, ∂g/∂x (k,) [1/m], ∂²g/∂x² (k, k) [1/m²].
+        F [m].
     """
-    t = np.abs(x) / sizes
-    largest = float(np.max(t))
-    if largest < 1e-9:
-        beside = np.zeros_like(sizes)
-        beside[0] = 1e-9 * sizes[0]
-        return gauge(beside, sizes, p)
+    at = x[: sizes.shape[0]].copy()
+    largest = np.max(np.abs(at) / sizes)
+    if not largest > 1e-9:
+        largest = 1e-9
+        at[:] = 0.0
+        at[0] = largest * sizes[0]
     # powers of ratios up to 1 neither overflow nor vanish together, whatever the exponent
-    ratio = t / largest
-    total = float(np.sum(ratio**p))
-    g = largest * total ** (1.0 / p)
-    power = ratio ** (p - 2.0) * (largest / g) ** (p - 2.0) / (g * sizes**2)
-    first = power * x
-    second = (p - 1.0) * (np.diag(power) - np.outer(first, first) / g)
-    return g, first, second
+    g = largest * np.sum((np.abs(at) / (sizes * largest)) ** p) ** (1.0 / p)
+    power = (np.abs(at) / (sizes * g)) ** (p - 2.0) / (g * sizes**2)
+    first = power * at
+    square = np.sum(first**2)
+    length = math.sqrt(square)
+    bend = (g - 1.0) * (p - 1.0) * (power - square / g) / square
+    slope[: at.shape[0]] = first / length * (1.0 - bend)
+    level: float = (g - 1.0) / length
+    return level
 
 
-def gauge_level(x: Array, sizes: Array, p: float) -> float:
-    """F = (g - 1)/|∇g| [m]: the distance to first order; |x| - r for equal a_i and p = 2."""
-    g, first, _ = gauge(x, sizes, p)
-    return (g - 1.0) / float(np.linalg.norm(first))
+def gauge_level(p: Array, sizes: Array, exponent: float) -> float:
+    """F [m] at p (3,), see `level_and_slope`."""
+    return level_and_slope(np.asarray(p, dtype=np.float64), sizes, exponent, np.empty(3))
 
 
-def gauge_level_gradient(x: Array, sizes: Array, p: float) -> Array:
-    """∇F = ∇g/|∇g| - (g - 1) ∇²g ∇g/|∇g|³, shape (k,)."""
-    g, first, second = gauge(x, sizes, p)
-    length = float(np.linalg.norm(first))
-    out: Array = first / length - (g - 1.0) * (second @ first) / length**3
+def gauge_level_gradient(p: Array, sizes: Array, exponent: float) -> Array:
+    """∇F (3,) at p (3,), zero along z for the two half axes of a contour."""
+    slope = np.zeros(3)
+    level_and_slope(np.asarray(p, dtype=np.float64), sizes, exponent, slope)
+    return slope
+
+
+def gauge(points: Array, sizes: Array, p: float) -> Array:
+    """g of points (m, k) -> (m,)."""
+    t = np.abs(points) / sizes
+    largest = np.max(t, axis=1)
+    out: Array = largest * np.sum((t / largest[:, None]) ** p, axis=1) ** (1.0 / p)
     return out
 
 
 def support(normals: Array, sizes: Array, p: float) -> Array:
     """max n·x over the body g(x) <= 1, the dual norm of (a_i n_i). normals (m, k) -> (m,) [m]."""
-    q = p / (p - 1.0)
-    t = np.abs(normals * sizes)
-    largest = np.max(t, axis=1, keepdims=True)
-    out: Array = largest[:, 0] * np.sum((t / largest) ** q, axis=1) ** (1.0 / q)
-    return out
+    return gauge(normals, 1.0 / sizes, p / (p - 1.0))

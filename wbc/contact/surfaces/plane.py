@@ -176,7 +176,10 @@ def wrap_convex(points: Array, excess: float) -> Array:
             break
         gaps = (np.roll(angles, -1) - angles) % (2.0 * np.pi)
         angles = np.sort(np.concatenate([angles, angles[out] + 0.5 * gaps[out]]))
-    return corners
+    # lines that pass through one sharp corner of the body meet there again and again
+    apart = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1) > 1e-9
+    separate: Array = corners[apart]
+    return separate
 
 
 def distance_to_sides(points: Array, start: Array, end: Array) -> Array:

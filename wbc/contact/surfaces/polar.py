@@ -53,10 +53,10 @@ class PolarSurface(Surface):
         return REGULAR_LATITUDE - abs(float(xi[1]))
 
     def level(self, p: Array) -> float:
-        return gauge_level(np.asarray(p, dtype=np.float64), self.half_axes, self.exponent)
+        return gauge_level(p, self.half_axes, self.exponent)
 
     def level_gradient(self, p: Array) -> Array:
-        return gauge_level_gradient(np.asarray(p, dtype=np.float64), self.half_axes, self.exponent)
+        return gauge_level_gradient(p, self.half_axes, self.exponent)
 
     def coordinates(self, point: Array, face: int) -> Array:
         """Chart coordinates (2,) of a surface point (3,) in one chart."""
@@ -69,6 +69,7 @@ class PolarSurface(Surface):
         u, v = np.meshgrid(np.radians(np.arange(-180, 180, 10)), np.radians(np.arange(-45, 46, 9)))
         xi = np.tile(np.column_stack([u.ravel(), v.ravel()]), (3, 1))
         face = np.repeat(np.arange(3), u.size)
+        face.setflags(write=False)
         return read_only(xi), face, read_only(self.charts(xi, face)[:, POINT])
 
     def project(self, p: Array, face: int | None = None) -> tuple[Array, int]:
@@ -112,9 +113,7 @@ class PolarSurface(Surface):
         count = 64
         while True:
             spread = spiral(count) * self.half_axes
-            points = spread / np.array(
-                [[gauge(x, self.half_axes, self.exponent)[0]] for x in spread]
-            )
+            points = spread / gauge(spread, self.half_axes, self.exponent)[:, None]
             facets = ConvexHull(points).equations
             reach = support(facets[:, :3], self.half_axes, self.exponent)
             factor = float(np.max(-reach / facets[:, 3]))

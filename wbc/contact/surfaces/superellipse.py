@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from wbc.arrays import Array, IntArray, read_only
 from wbc.contact.surfaces.base import check_exponent, check_sizes
 from wbc.contact.surfaces.contour import Contour
@@ -28,19 +26,20 @@ class Superellipse(Contour):
     b: float
     p: float
     sizes: Array = field(init=False, repr=False, compare=False)
+    half_axes: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         check_sizes(self, a=self.a, b=self.b)
         check_exponent(self, self.p)
         object.__setattr__(self, "sizes", read_only([self.a, self.b, 1.0]))
+        object.__setattr__(self, "half_axes", read_only([self.a, self.b]))
         object.__setattr__(self, "p", float(self.p))
 
     def evaluate(self, xi: Array, face: IntArray, out: Array) -> None:
         superellipse_charts(self.sizes, self.p, xi, face, out)
 
     def level(self, p: Array) -> float:
-        return gauge_level(np.asarray(p, dtype=np.float64)[:2], self.sizes[:2], self.p)
+        return gauge_level(p, self.half_axes, self.p)
 
     def level_gradient(self, p: Array) -> Array:
-        plane = np.asarray(p, dtype=np.float64)[:2]
-        return np.append(gauge_level_gradient(plane, self.sizes[:2], self.p), 0.0)
+        return gauge_level_gradient(p, self.half_axes, self.p)

@@ -1,0 +1,1 @@
+"""Surfaces, contacts and grasps against their laws and closed forms."""
