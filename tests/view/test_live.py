@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import http.client
 import os
@@ -186,42 +187,47 @@ def test_a_fork_of_the_run_leaves_the_viewer_alone(view):
 
 
 PARENT = """
-import signal, sys, time
-sys.path[:0] = sys.argv[1:]
+import os, sys, time
+sys.path[:0] = sys.argv[3:]
+sys.argv[:2] = sys.argv[1:3]
 from view.demo import demo_scene, demo_snapshot
 from wbc.view import LiveView
 view = LiveView(demo_scene())
 while not view.drawn:
     view.publish(demo_snapshot(0.0))
     time.sleep(0.01)
+if sys.argv[0] == "fork" and os.fork() == 0:
+    time.sleep(60)
 print(view._process.pid, flush=True)
-%s
+time.sleep(float(sys.argv[1]))
 """
 
 
-def start_parent(rest: str) -> tuple[subprocess.Popen[str], int]:
-    command = [sys.executable, "-W", "error", "-c", PARENT % rest, str(TESTS), str(TESTS.parent)]
+def start_parent(kind: str = "plain", seconds: float = 60.0) -> tuple[subprocess.Popen[str], int]:
+    command = [sys.executable, "-W", "error", "-c", PARENT, kind, str(seconds)]
+    command += [str(TESTS), str(TESTS.parent)]
     parent = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
     return parent, int(parent.stdout.readline())
 
 
-@pytest.mark.parametrize("rest", ["time.sleep(60)", "import os; os.fork(); time.sleep(60)"])
-def test_a_killed_run_takes_the_viewer_along(rest):
+@pytest.mark.parametrize("kind", ["plain", "fork"])
+def test_a_killed_run_takes_the_viewer_along(kind):
     """Also when a fork of the run still holds the pipe open."""
-    parent, pid = start_parent(rest)
+    parent, pid = start_parent(kind)
     try:
         assert running(pid)
         parent.kill()
         assert wait_until(lambda: not running(pid), 5.0)
     finally:
-        os.killpg(parent.pid, signal.SIGKILL)  # the fork, where there is one
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(parent.pid, signal.SIGKILL)  # the fork, where there is one
         parent.communicate()
 
 
 def test_ctrl_c_is_not_for_the_viewer_but_ends_it():
-    parent, pid = start_parent("time.sleep(60)")
+    parent, pid = start_parent()
     os.killpg(parent.pid, signal.SIGINT)
     _, errors = parent.communicate(timeout=20)
     assert "KeyboardInterrupt" in errors
@@ -229,7 +235,7 @@ def test_ctrl_c_is_not_for_the_viewer_but_ends_it():
 
 
 def test_a_run_that_ends_without_closing_says_nothing():
-    parent, pid = start_parent("")
+    parent, pid = start_parent(seconds=0.0)
     _, errors = parent.communicate(timeout=20)
     assert (parent.returncode, errors) == (0, "")
     assert not running(pid)

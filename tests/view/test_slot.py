@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from wbc.view.slot import (
     Layout,
     SlotReader,
     SlotWriter,
+    _Record,
     anonymous_file,
     leave_words,
 )
@@ -136,36 +138,64 @@ def test_last_words(slot):
 
 HAMMER = """
 import itertools, sys
-sys.path[:0] = sys.argv[2:]
+sys.path[:0] = sys.argv[3:]
+from wbc.view import slot
+slot.RING = int(sys.argv[2])
 from view.test_slot import LAYOUT, uniform
-from wbc.view.slot import SlotWriter
 ready = [uniform(k) for k in range(1, 400)]
-writer = SlotWriter(int(sys.argv[1]), LAYOUT)
+writer = slot.SlotWriter(int(sys.argv[1]), LAYOUT)
 for snapshot in itertools.cycle(ready):
     writer.write(snapshot)
 """
 
 
+def hammered(fd: int, ring: int) -> subprocess.Popen[bytes]:
+    """A process that writes without pause; it is killed in the middle of a write, most likely."""
+    tests = Path(__file__).resolve().parents[1]
+    command = [sys.executable, "-c", HAMMER, str(fd), str(ring), str(tests), str(tests.parent)]
+    return subprocess.Popen(command, pass_fds=(fd,))
+
+
 def test_no_torn_read_under_a_writer_without_pause(slot):
+    """The ring also lets the reader get through nearly every time."""
     fd, writer, reader = slot
-    here = os.path.dirname(os.path.abspath(__file__))
-    paths = [os.path.dirname(here), os.path.dirname(os.path.dirname(here))]
-    process = subprocess.Popen([sys.executable, "-c", HAMMER, str(fd), *paths], pass_fds=(fd,))
+    process = hammered(fd, RING)
     try:
-        reads, seen, until = 0, 0, time.monotonic() + 30.0
+        reads, last, until = 0, 0, time.monotonic() + 60.0
         while time.monotonic() < until and reads < 3000:
-            before = reader._last
             snapshot = reader.read()
             if snapshot is None:
                 continue
             reads += 1
             assert is_whole(snapshot), f"torn at read {reads}"
-            assert reader._last > before
-            seen = writer.written
+            assert reader._last > last
+            last = reader._last
         assert reads == 3000, "the reader starved"
-        assert seen > reads
+        assert writer.written > reads
     finally:
-        process.kill()  # in the middle of a write, most likely
+        process.kill()
         process.wait()
     final = reader.read()
     assert final is None or is_whole(final)
+
+
+def test_the_checks_catch_reads_that_are_torn(monkeypatch):
+    """With a ring of one nearly every read is overtaken: here the checks have all the work."""
+    monkeypatch.setattr("wbc.view.slot.RING", 1)
+    fd = anonymous_file(LAYOUT.total_bytes)
+    reader = SlotReader(fd, LAYOUT)
+    process = hammered(fd, 1)
+    try:
+        torn, good, until = 0, 0, time.monotonic() + 60.0
+        while (torn < 50 or good < 10) and time.monotonic() < until:
+            snapshot = reader.read()
+            good += snapshot is not None
+            assert snapshot is None or is_whole(snapshot)
+            raw = _Record(reader._memory.record_bytes(LAYOUT, 0).copy(), LAYOUT)
+            torn += not bool((raw.activation == raw.scalars[0]).all())
+        assert torn >= 50, "this test has no teeth: nothing was torn"
+        assert good >= 10, "nothing came through"
+    finally:
+        process.kill()
+        process.wait()
+        os.close(fd)
