@@ -211,12 +211,14 @@ def _phase(data: dict[str, Any], phase: dict[str, Any], i: int, faults: Faults) 
 def _asked(data: dict[str, Any], phase: dict[str, Any], here: KeyPath, faults: Faults) -> None:
     tasks = mapping(data.get("tasks"))
     priority = listing(mapping(data.get("stack")).get("priority"))
+    # A misspelled entry there is reported there, not again wherever its task is asked for.
+    complete = bool(priority) and all(isinstance(p, str) and p in tasks for p in priority)
     seen: set[str] = set()
     for i, task in _texts(phase.get("tasks")):
         path = (*here, "tasks", i)
         if task not in tasks:
             faults.unknown(path, "task", task, tasks)
-        elif task not in priority:
+        elif complete and task not in priority:
             faults.add(path, f"'{clip(task)}' is not in stack.priority")
         elif task in seen:
             faults.add(path, f"'{clip(task)}' is listed twice")

@@ -253,48 +253,52 @@ def _code(error: yaml.reader.ReaderError) -> int:
     return error.character if isinstance(error.character, int) else ord(error.character[0])
 
 
+_INDENTED = "the indentation does not match the lines above"
+_SECOND = "a second document starts here: a scenario is one document"
+_TAGGED = "an unknown tag: a scenario is plain data"
+_ESCAPED = "an unknown escape: use single quotes for plain text"
+# What PyYAML says, in the order of looking, and what is said instead.
 _PROBLEMS: Final = (
     (r"found character '\\t'", "a tab stands here: indent with spaces"),
     (r"found character '(.+)' that", r"a value cannot start with '\1': put it in quotes"),
-    (
-        r"mapping values are not allowed",
-        "a ':' out of place: wrong indentation, or text that needs quotes",
-    ),
+    (r"mapping values are not", "a ':' out of place: wrong indentation, or text that needs quotes"),
+    (r"mapping keys are not", "a '?' out of place: text that begins with it needs quotes"),
     (r"could not find expected ':'", "a key without ':'"),
-    (r"expected <block end>", "the indentation does not match the lines above"),
+    (r"expected <block end>|invalid indentation", _INDENTED),
     (r"sequence entries are not allowed", "a list item cannot start here: put it on a new line"),
-    (r"found unknown escape character", "an unknown escape: use single quotes for plain text"),
+    (r"expected the node content", "a value is missing here"),
+    (r"unknown escape character|expected escape sequence", _ESCAPED),
     (r"found undefined alias '([^']*)'", r"the alias '*\1' has no anchor '&\1' before it"),
     (r"found duplicate anchor '([^']*)'", r"the anchor '&\1' is already taken"),
-    (r"found undefined tag handle", "an unknown tag: a scenario is plain data"),
-    (r"expected a single document", "a second document starts here: a scenario is one document"),
-    (r"but found '<document start>'", "a second document starts here: a scenario is one document"),
+    (r"expected a single document|but found '<document start>'", _SECOND),
     (r"expected '<document start>'", "unexpected text after the end of the data"),
+    (
+        r"(a|an) (alias|anchor)\b",
+        "an '&' or '*' without a name: text that begins with it needs quotes",
+    ),
+    (r"a block scalar", "after '|' or '>' the text starts on the next line"),
+    (r"directive|YAML document", "a line that begins with '%' is not understood: remove it"),
+    (r"tag", _TAGGED),
 )
 
 
 def _explain(error: yaml.MarkedYAMLError) -> NoReturn:
     """One plain line for one of PyYAML's errors."""
-    problem = " ".join((error.problem or error.context or "").split())
-    context = error.context or ""
+    context, problem = error.context or "", error.problem or ""
     mark = _mark(error.problem_mark or error.context_mark)
-    # The composer says what is wrong in its context and only where in its problem.
-    if isinstance(error, yaml.composer.ComposerError) and context:
-        problem = context
-    elif "found unexpected end of stream" in problem and "quoted" in context:
-        raise _Refused(_mark(error.context_mark), "the quote opened here is never closed")
-    elif context.startswith("while parsing a flow"):
-        opened = _mark(error.context_mark)
+    opened = _mark(error.context_mark)
+    if "quoted" in context and problem.startswith("found unexpected"):
+        raise _Refused(opened, "the quote opened here is never closed")
+    if "flow" in context and problem.startswith("expected ','"):
         bracket = "{" if "mapping" in context else "["
-        raise _Refused(
-            mark,
-            f"the '{bracket}' opened at {opened.line}:{opened.column} is not closed before this",
-        )
+        where = f"{opened.line}:{opened.column}"
+        raise _Refused(mark, f"the '{bracket}' opened at {where} is not closed before this")
+    said = " ".join(f"{problem} | {context}".split())
     for pattern, remedy in _PROBLEMS:
-        found = re.search(pattern, problem)
+        found = re.search(pattern, said)
         if found:
             raise _Refused(mark, clip(found.expand(remedy), _EXPLAINED))
-    raise _Refused(mark, f"not YAML: {clip(problem, _EXPLAINED)}")
+    raise _Refused(mark, f"this cannot be read: {clip(problem or context, _EXPLAINED)}")
 
 
 def nearest(marks: Mapping[KeyPath, Mark], path: KeyPath) -> Mark | None:

@@ -6,7 +6,7 @@ Each value is judged here; what two values say together, in `relations` and `cro
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Final, Literal, TypeAlias, final
+from typing import Annotated, Final, Literal, TypeAlias, final
 
 from pydantic import Field
 
@@ -199,24 +199,3 @@ class Scenario(Block):
     limits: Limits = Limits.model_construct()
     phases: tuple[Phase, ...] = ()
     simulation: Simulation
-
-
-def json_schema() -> dict[str, Any]:
-    """The JSON Schema of a scenario file, for editors."""
-    schema = _untitled(Scenario.model_json_schema())
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "wbc scenario",
-        **schema,
-    }
-
-
-def _untitled(node: Any) -> Any:
-    # pydantic titles every field with its own name, which tells an editor nothing.
-    if isinstance(node, dict):
-        return {
-            k: _untitled(v) for k, v in node.items() if not (k == "title" and isinstance(v, str))
-        }
-    if isinstance(node, list):
-        return [_untitled(item) for item in node]
-    return node

@@ -115,9 +115,10 @@ def _translate(errors: ValidationError, data: dict[str, Any], faults: Faults) ->
     meant: set[KeyPath] = set()
     for path, error in places:
         if error["type"] == "extra_forbidden":
-            present = mapping(_at(data, path[:-1]))
-            known = [key for key in _keys(path[:-1], data) if key not in present]
-            remedy = faults.remedy(path[-1], known)
+            present, known = mapping(_at(data, path[:-1])), _keys(path[:-1], data)
+            remedy = faults.remedy(path[-1], [key for key in known if key not in present])
+            if "did you mean" not in remedy:
+                remedy = faults.remedy(path[-1], known)
             text = f"unknown key {remedy}"
             faults.found.append(Fault(path, text, "key", named=False))
             meant |= {(*path[:-1], key) for key in known if f"did you mean '{key}'" in remedy}

@@ -19,7 +19,8 @@ from wbc.scenario.wording import clip, show
 class Unit(NamedTuple):
     """One row of the table: a quantity is ``number * times / per`` in SI.
 
-    Two factors, because dividing by 1000 rounds correctly and multiplying by 0.001 does not.
+    Two factors: dividing by 1000 rounds correctly, multiplying by 0.001 does not. A degree is
+    rounded as `math.radians` does.
     """
 
     dimension: str
@@ -29,7 +30,7 @@ class Unit(NamedTuple):
 
 UNITS: Final[dict[str, Unit]] = {
     "rad": Unit("angle"),
-    "deg": Unit("angle", math.pi, 180.0),
+    "deg": Unit("angle", math.pi / 180.0),
     "m": Unit("length"),
     "cm": Unit("length", per=100.0),
     "mm": Unit("length", per=1000.0),
@@ -48,9 +49,9 @@ UNITS: Final[dict[str, Unit]] = {
     "N/mm": Unit("stiffness", 1000.0),
     "kN/m": Unit("stiffness", 1000.0),
     "rad/s": Unit("angular velocity"),
-    "deg/s": Unit("angular velocity", math.pi, 180.0),
+    "deg/s": Unit("angular velocity", math.pi / 180.0),
     "rad/s^2": Unit("angular acceleration"),
-    "deg/s^2": Unit("angular acceleration", math.pi, 180.0),
+    "deg/s^2": Unit("angular acceleration", math.pi / 180.0),
     "m/s": Unit("velocity"),
     "cm/s": Unit("velocity", per=100.0),
     "mm/s": Unit("velocity", per=1000.0),
@@ -70,6 +71,8 @@ EXAMPLES: Final[dict[str, str]] = {
     "acceleration": "2 m/s^2",
 }
 
+SHARED: Final = "x-quantity"
+"""Marks a JSON Schema that recurs, and names it."""
 NUMBER: Final = "number"
 """The dimension of a plain number, which takes no unit."""
 _NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
@@ -168,7 +171,7 @@ class Quantity:
         try:
             value = read(raw, self.dimension).value
         except QuantityError as fault:
-            also = f" or '{self.off}'" if self.off else ""
+            also = f" (or '{self.off}')" if self.off else ""
             raise refusal(f"{fault}{also}") from None
         if self.above is not None and not value > self.above:
             raise refusal(f"must be above {self.above:g}, got {show(raw)}")
@@ -193,7 +196,10 @@ class Quantity:
         forms = [number, _text_schema(self.dimension)]
         if self.off is not None:
             forms.append({"const": self.off})
-        return {"anyOf": forms, "examples": [EXAMPLES[self.dimension]]}
+        limits = {"above": self.above, "from": self.least}
+        name = "-".join(f"{word}-{b:g}" for word, b in limits.items() if b is not None)
+        name = "-".join(filter(None, [self.dimension.replace(" ", "-"), name, self.off]))
+        return {SHARED: name, "anyOf": forms, "examples": [EXAMPLES[self.dimension]]}
 
 
 @final
@@ -217,7 +223,8 @@ class AngleOrLength:
     def json_schema() -> dict[str, Any]:
         """What an editor should accept."""
         forms = [{"const": 0}, _text_schema("angle", "length")]
-        return {"anyOf": forms, "examples": [EXAMPLES["angle"], EXAMPLES["length"]]}
+        examples = [EXAMPLES["angle"], EXAMPLES["length"]]
+        return {SHARED: "angle-or-length", "anyOf": forms, "examples": examples}
 
 
 def _text_schema(*dimensions: str) -> dict[str, Any]:
