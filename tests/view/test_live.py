@@ -302,5 +302,36 @@ def test_replay_keeps_real_time(view):
     assert view.alive
 
 
+def test_due_is_said_sixty_times_a_second(view):
+    start, said = time.monotonic(), 0
+    while time.monotonic() - start < 0.5:
+        said += view.due()
+    assert 10 <= said <= 32
+    view.close()
+    assert not view.due()
+
+
+def test_the_browser_is_shown_the_page_and_inherits_nothing(tmp_path, monkeypatch):
+    script, told = tmp_path / "browser", tmp_path / "told"
+    script.write_text(
+        f'#!/bin/sh\nls -l /proc/$$/fd > "{told}.part"; echo "$1" >> "{told}.part"\n'
+        f'mv "{told}.part" "{told}"\n'
+    )
+    script.chmod(0o755)
+    monkeypatch.setenv("BROWSER", f"{script} %s")
+    with LiveView(demo_scene(), open_browser=True) as view:
+        assert wait_until(told.exists)
+        lines = told.read_text().splitlines()
+        assert lines[-1] == view.url
+        assert not [line for line in lines if "socket:" in line or "memfd" in line]
+
+
+def test_no_browser_means_nothing(monkeypatch):
+    monkeypatch.setenv("BROWSER", "/nowhere/browser")
+    with LiveView(demo_scene(), open_browser=True) as view:
+        assert wait_until(lambda: drawn(view))
+        assert view.warning() is None
+
+
 def test_replay_of_nothing(view):
     assert replay(demo_scene(), [], view=view)

@@ -19,6 +19,7 @@ from wbc.view.slot import Layout, SlotWriter, anonymous_file
 HOST = "127.0.0.1"
 FIRST_PORT = 7000
 _PORTS = 200
+_PERIOD = 1.0 / 60.0
 _PACKAGE_ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -32,7 +33,8 @@ class LiveView:
         with LiveView(scene, open_browser=True) as view:
             print(view.url)
             ...
-            view.publish(snapshot)
+            if view.due():
+                view.publish(snapshot)
             if line := view.warning():
                 print(line)
     """
@@ -44,10 +46,11 @@ class LiveView:
         self._trouble = ""
         self._warned = False
         self._closed = False
+        self._next = 0.0
         self._finalizer: weakref.finalize[..., LiveView] | None = None
         try:
             self._start(scene, FIRST_PORT if port is None else port, open_browser)
-        except OSError as error:
+        except (OSError, ValueError) as error:
             self._trouble = str(error)
 
     def _start(self, scene: Scene, port: int, open_browser: bool) -> None:
@@ -85,6 +88,14 @@ class LiveView:
             self._writer.write(snapshot)
         except Exception as error:  # no picture is worth a control tick
             self._trouble = f"a snapshot does not fit the scene ({error})"
+
+    def due(self) -> bool:
+        """True at most sixty times a second: whoever has to make a snapshot first asks this."""
+        now = time.monotonic()
+        if now < self._next or self._closed:
+            return False
+        self._next = now + _PERIOD
+        return True
 
     @property
     def alive(self) -> bool:
