@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -16,7 +17,13 @@ from conftest import COMPLETE
 from wbc import resources
 from wbc.errors import ScenarioError
 from wbc.scenario import Scenario, check_names, load
-from wbc.scenario.kinds import FramePositionSpec, JointLimitsSpec, limit_of
+from wbc.scenario.kinds import (
+    SURFACES,
+    FramePositionSpec,
+    JointLimitsSpec,
+    SurfaceSpec,
+    limit_of,
+)
 from wbc.scenario.wording import Fault
 
 Write = Callable[[str | bytes], Path]
@@ -197,27 +204,34 @@ def test_names_that_only_the_robot_can_judge(write: Write) -> None:
     assert names(write, COMPLETE) == []
     text = COMPLETE
     for old, new in (
-        ("f2: tip_2", "f2: tip_9"),
-        ("j1: 10 deg, j2: 5 cm}", "j1: 10 cm, j3: 0}\n  metric: {k1: 2}\n"
-         "  collisions: {pairs: [[hand, am], [arm, arm]], ignore: [[hand, object]]}"),
-        ("frame: wrist", "frame: wirst"),
-        ("{j1: 90 deg}", "{j2: 90 deg}"),
-        ("soft:", "near: {type: collision, safety_distance: 1 cm, pairs: [[x, hand]]}\n  soft:"),
+        ("f2: tip_2", "f2: ^tip_9"),
+        ("j1: 10 deg, j2: 5 cm}", "j1: ^10 cm, ^j3: 0}\n  metric: {^k1: 2}\n"
+         "  collisions: {pairs: [[hand, ^am], ^[arm, arm]], ignore: [[hand, object]]}"),
+        ("frame: wrist", "frame: ^wirst"),
+        ("{j1: 90 deg}", "{j2: ^90 deg}"),
+        ("soft:", "near: {type: collision, safety_distance: 1 cm, pairs: [[^x, hand]]}\n  soft:"),
+        ("  wrist:", "  rest: {type: posture, gain: 1, joints: [j1, ^jj]}\n  wrist:"),
     ):  # fmt: skip
         text = text.replace(old, new)
-    text = text.replace("  wrist:", "  rest: {type: posture, gain: 1, joints: [j1, jj]}\n  wrist:")
-    assert names(write, text) == [
-        "t.yaml:4:28: unknown frame 'tip_9' (did you mean 'tip_2'?)",
-        "t.yaml:5:15: robot.start.j1: joint 'j1' takes an angle",
-        "t.yaml:5:22: unknown joint 'j3' (known: j1, j2)",
-        "t.yaml:6:12: unknown joint 'k1' (known: j1, j2)",
-        "t.yaml:7:32: unknown link 'am' (did you mean 'arm'?)",
-        "t.yaml:7:37: robot.collisions.pairs[1]: pairs a link with itself",
-        "t.yaml:16:49: unknown joint 'jj' (known: j1, j2)",
-        "t.yaml:17:40: unknown frame 'wirst' (did you mean 'wrist'?)",
-        "t.yaml:19:60: unknown link 'x' (known: hand, arm, object)",
-        "t.yaml:20:61: costs.soft.upper.j2: joint 'j2' takes a length",
+    places = [
+        f"t.yaml:{number}:{match.start() + 1 - before}: "
+        for number, line in enumerate(text.splitlines(), start=1)
+        for before, match in enumerate(re.finditer(r"\^", line))
     ]
+    words = [
+        "unknown frame 'tip_9' (did you mean 'tip_2'?)",
+        "robot.start.j1: joint 'j1' takes an angle",
+        "unknown joint 'j3' (known: j1, j2)",
+        "unknown joint 'k1' (known: j1, j2)",
+        "unknown link 'am' (did you mean 'arm'?)",
+        "robot.collisions.pairs[1]: pairs a link with itself",
+        "unknown joint 'jj' (known: j1, j2)",
+        "unknown frame 'wirst' (did you mean 'wrist'?)",
+        "unknown link 'x' (known: hand, arm, object)",
+        "costs.soft.upper.j2: joint 'j2' takes a length",
+    ]
+    found = names(write, text.replace("^", ""))
+    assert found == [place + what for place, what in zip(places, words, strict=True)]
 
 
 def test_a_builder_can_report_its_own_faults(write: Write) -> None:
@@ -233,3 +247,12 @@ def test_importing_the_room_builds_no_model() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "False", "False"]
+
+
+def test_the_surfaces_of_scenarios_are_those_of_contacts() -> None:
+    classes = pytest.importorskip("wbc.contact.surfaces").SURFACES
+    assert set(SURFACES) == set(classes)
+    for name, spec in SURFACES.items():
+        assert issubclass(spec, SurfaceSpec)
+        assert spec.faces == classes[name].faces
+        assert (len(spec.chart) == 1) == classes[name].planar
