@@ -51,7 +51,9 @@ def _object_poses(
         holding += 1
     if holding > 0:
         estimate_p /= holding
-    if holding > 1:  # mean rotation: one step in the tangent space at the first, they differ by errors
+    if (
+        holding > 1
+    ):  # mean rotation: one step in the tangent space at the first, they differ by errors
         mean = np.zeros(3)
         for i in range(mode.shape[0]):
             if mode[i] != 0:
@@ -62,8 +64,26 @@ def _object_poses(
 
 @kernel
 def _contact_rows(
-    mode, planar, gain, charts, frame, normal_xi, reach, reach_rate, linear, position, rotation,
-    reference_p, reference_r, twist, error, twist_cmd, rows, rhs, xi_jacobian, xi_drift,
+    mode,
+    planar,
+    gain,
+    charts,
+    frame,
+    normal_xi,
+    reach,
+    reach_rate,
+    linear,
+    position,
+    rotation,
+    reference_p,
+    reference_r,
+    twist,
+    error,
+    twist_cmd,
+    rows,
+    rhs,
+    xi_jacobian,
+    xi_drift,
 ):  # type: ignore[no-untyped-def]
     """Rows of (33) left on the active joints, and the sliding rates that go with them.
 
@@ -183,7 +203,9 @@ class ExtendedKinematics:
         self._linear = robot.linear[:n]
         self._angular = robot.angular[:n]
 
-    def update(self, q: Array, state: ContactState, reference: ObjectReference) -> ExtendedKinematics:
+    def update(
+        self, q: Array, state: ContactState, reference: ObjectReference
+    ) -> ExtendedKinematics:
         """Bring everything to the configuration (q, η) and the object's reference."""
         self.state, self.reference = state, reference
         self.robot.update(q)
@@ -204,7 +226,9 @@ class ExtendedKinematics:
         )  # fmt: skip
         return self
 
-    def passive_rates(self, v: Array, *, with_object: bool, xi_rate: Array, pivot_rate: Array) -> None:
+    def passive_rates(
+        self, v: Array, *, with_object: bool, xi_rate: Array, pivot_rate: Array
+    ) -> None:
         """Fill ξ̇ (N, 2) and θ̇ (N, 3, turning rate in F) that go with the joint velocity v.
 
         Without the object (`with_object=False`) v is a motion in the null space of the main task:
@@ -220,9 +244,7 @@ class ExtendedKinematics:
 
     def touch(self, finger: int) -> Array:
         """R_FC (3, 3) with which a finger that touches now sees the object where it is."""
-        rotation: Array = (
-            self._tip_rotation[finger].T @ self.object_rotation @ self.frame[finger]
-        )
+        rotation: Array = self._tip_rotation[finger].T @ self.object_rotation @ self.frame[finger]
         return rotation
 
 
@@ -239,9 +261,7 @@ def finger_jacobians(kin: ExtendedKinematics, i: int) -> tuple[Array, Array, Arr
     r_c = r @ kin.frame[i]
     normal = r @ kin.frame[i, :, 2]
     j_f = np.vstack([kin.robot.linear[i], kin.robot.angular[i]])
-    j_xi = -np.vstack(
-        [r @ (kin.charts[i, 1:3].T + reach * kin.normal_xi[i]), r_c @ kin.spin[i]]
-    )
+    j_xi = -np.vstack([r @ (kin.charts[i, 1:3].T + reach * kin.normal_xi[i]), r_c @ kin.spin[i]])
     j_theta = np.vstack([np.zeros((3, 3)), kin.robot.rotation[i]])
     j_dl = np.concatenate([normal, np.zeros(3)])[:, None]
     g_t = np.eye(6)

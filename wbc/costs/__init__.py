@@ -1,0 +1,7 @@
+"""Costs: scalars that grow towards a constraint, descended with whatever freedom the tasks leave."""
+
+from wbc.costs.base import Cost
+from wbc.costs.collision import Collision
+from wbc.costs.joint_limits import JointLimits
+
+__all__ = ["Collision", "Cost", "JointLimits"]

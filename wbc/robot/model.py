@@ -97,7 +97,7 @@ def load_robot(path: Path) -> RobotModel:
             )
     # from the checked text, not the file: what was checked is what is loaded
     geometry = pin.buildGeomFromUrdfString(
-        model, text, pin.GeometryType.COLLISION, [str(path.parent)]
+        model, text, pin.GeometryType.COLLISION, package_dirs=[str(path.parent)]
     )
     return RobotModel(
         path=path,

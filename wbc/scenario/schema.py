@@ -63,7 +63,7 @@ class Robot(Block):
     metric: Mapping[str, PositiveNumber] = Field(
         {}, description="joint: weight in the pseudo-inverse, 1 where not given"
     )
-    collisions: Collisions = Collisions.model_construct(pairs=None, ignore=())
+    collisions: Collisions = Field(default_factory=Collisions)
 
 
 @final
@@ -195,7 +195,7 @@ class Scenario(Block):
     tasks: Mapping[str, Annotated[AnyTask, Field(discriminator="type")]]
     costs: Mapping[str, Annotated[AnyCost, Field(discriminator="type")]] = {}
     stack: Stack
-    supervisor: Supervisor = Supervisor.model_construct()
-    limits: Limits = Limits.model_construct()
+    supervisor: Supervisor = Field(default_factory=Supervisor)
+    limits: Limits = Field(default_factory=Limits)
     phases: tuple[Phase, ...] = ()
     simulation: Simulation

@@ -1,0 +1,340 @@
+"""The tick: everything that happens between a state and the next, in the order it happens."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from wbc.arrays import Array, BoolArray
+from wbc.contact.grasp import ContactMode, ContactState
+from wbc.control.integrator import runge_kutta
+from wbc.control.law import CostForecast, Law, Motion, moved
+from wbc.control.observe import Seen, observe
+from wbc.control.phases import PhaseSequence
+from wbc.control.references import References
+from wbc.control.state import ControllerState, Measurement, PhaseState, Status, TickRecord
+from wbc.control.supervision import TickForecast
+from wbc.errors import UnknownNameError
+from wbc.stack import activation as gains
+from wbc.stack.limits import NOT_LIMITED, Limited, limit, velocity_bounds
+from wbc.stack.supervisor import StackEvent, StackState, Supervisor
+
+_NEAR_SINGULAR = 1e-3  # the share below which `solve_main` damps its inverse
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Numbers of the tick.
+
+    Attributes:
+        dt: the tick, [s].
+        runge_kutta: integrate the references with the classical fourth-order rule, else with Euler's.
+        smoothing: μ of the gains, [1/s]; inf switches at once.
+        lower, upper, velocity, acceleration: (nv,) limits of the filter; acceleration may be inf.
+    """
+
+    dt: float
+    runge_kutta: bool
+    smoothing: float
+    lower: Array
+    upper: Array
+    velocity: Array
+    acceleration: Array
+
+
+@final
+class Controller:
+    """First-stage controller: object motion and contact evolution to joint references (35)-(43).
+
+    ``state = controller.init(q0)``, then ``record, state = controller.step(state, measurement)`` as
+    often as wanted: no threads, no clock, no files. The state is a value; the controller itself holds
+    only definitions and workspaces, so one controller serves one thread at a time.
+
+    Attributes:
+        task_names: the tasks in the order of every (M,) array: the stack's, then the fingers' tips.
+    """
+
+    def __init__(
+        self,
+        law: Law,
+        forecast: CostForecast,
+        supervisor: Supervisor,
+        phases: PhaseSequence,
+        priority: Sequence[int],
+        settings: Settings,
+    ) -> None:
+        self.law = law
+        self.supervisor = supervisor
+        self.phases = phases
+        self.settings = settings
+        self.task_names = tuple(task.name for task in law.stack.tasks)
+        self._forecast = TickForecast(law, forecast, settings.dt, supervisor.horizon)
+        self._references = References(law.kin.grasp.count)
+        self._priority = tuple(priority)
+        # tips of free fingers come before every task: they are what is left of the main task there
+        self._tips = tuple(k for k in range(len(self.task_names)) if k not in self._priority)
+        nv = law.kin.robot.model.nv
+        self._low, self._high, self._command = np.zeros(nv), np.zeros(nv), np.zeros(nv)
+
+    def step(
+        self, state: ControllerState, measurement: Measurement | None = None
+    ) -> tuple[TickRecord, ControllerState]:
+        """One tick. Never raises on numbers: what gave way is in the record's status."""
+        t, dt = state.tick * self.settings.dt, self.settings.dt
+        state, seen = self._situation(t, state)  # references, kinematics, tasks, costs, phase
+        now = self._levels(state.activation)
+        motion = self.law.solve(state.level_order, now)  # prioritized solve
+        independence, freedom = self.law.independence, self.law.freedom.copy()
+        target = self._targets(state, state.stack)
+        forecast = self._forecast.fresh(
+            state.q, motion.total[: len(state.q)], state.level_order, target
+        )
+        stack, event = self.supervisor.decide(
+            state.stack, t, state.order[len(self._tips) :], forecast
+        )
+        if event is not None:
+            target = self._targets(state, stack)
+        half, full = (
+            gains.advance(state.activation, target, self.settings.smoothing, h)
+            for h in (0.5 * dt, dt)
+        )
+        record = self._record(t, state, seen, stack, event, independence, freedom)
+        if self.settings.runge_kutta:  # three further evaluations inside the tick
+            motion = runge_kutta(
+                motion, self._stage(state), state.q, state.contact, t, dt,
+                (self._levels(half), self._levels(full)),
+            )  # fmt: skip
+        step, status, limited = self._limited(state, motion, measurement)  # limit filter
+        q, contact = moved(state.q, state.contact, dt * step)
+        record = record._replace(v=step[: len(q)], status=record.status | status, limited=limited)
+        return record, state._replace(
+            tick=state.tick + 1, q=q, v=record.v, rates=step, contact=contact, activation=full,
+            stack=stack,
+        )  # fmt: skip
+
+    def init(self, q0: Array, *, v0: Array | None = None) -> ControllerState:
+        """State at t = 0: first phase, every gain at 0.
+
+        Args:
+            q0: (nv,) joint positions; the fingers that hold in the first phase are to be closed on
+                their contact points (see `wbc.control.setup`).
+            v0: (nv,) velocity the robot starts with; 0 where not given.
+        """
+        law, n = self.law, self.law.kin.grasp.count
+        tasks, first = len(self.task_names), self.phases.phases[0]
+        q = np.array(q0, dtype=np.float64)
+        contact = ContactState(
+            first.mode, np.array(law.kin.grasp.at), np.tile(np.eye(3), (n, 1, 1))
+        )
+        reference = law.kin.reference._replace(reach=first.pad)
+        # every finger that holds sees the object where the scenario puts it
+        law.kin.update(q, contact._replace(mode=np.zeros(n, dtype=np.int64)), reference)
+        pivot = np.array([law.kin.touch(i) for i in range(n)]).reshape(n, 3, 3)
+        law.kin.update(q, contact._replace(pivot=pivot), reference)
+        motion = self.phases.begin(0, 0.0, law.kin, None)
+        order = self._tips + self._priority
+        rates = np.zeros(len(q) + 5 * n)
+        rates[: len(q)] = 0.0 if v0 is None else v0
+        return ControllerState(
+            tick=0,
+            q=q,
+            v=rates[: len(q)],
+            rates=rates,
+            contact=contact._replace(pivot=pivot),
+            activation=gains.start(tasks),
+            stack=StackState(first.wanted, np.ones(tasks, dtype=np.bool_), -np.inf, 0),
+            order=order,
+            next_order=None,
+            level_order=law.stack.level_order(order),
+            phase=PhaseState(0, 0.0, motion, False, False, ()),
+            targets=tuple(task.target for task in law.stack.tasks),
+        )
+
+    def insert(self, state: ControllerState, task: str) -> ControllerState:
+        """Ask for a task from the next tick on; it fades in. The next phase asks anew."""
+        return self._want(state, task, True)
+
+    def remove(self, state: ControllerState, task: str) -> ControllerState:
+        """Ask no longer for a task; it fades out. The next phase asks anew."""
+        return self._want(state, task, False)
+
+    def reorder(self, state: ControllerState, tasks: Sequence[str]) -> ControllerState:
+        """Give the stack's tasks a new order, highest priority first.
+
+        Tasks that change place relative to another fade out, take their place and fade in again.
+        """
+        wanted = tuple(self._index(name) for name in tasks)
+        if sorted(wanted) != sorted(self._priority):
+            names = [self.task_names[k] for k in self._priority]
+            raise UnknownNameError(
+                "order: it must name each once of the stack's", str(tasks), names
+            )
+        return state._replace(next_order=self._tips + wanted)
+
+    def retarget(self, state: ControllerState, task: str, target: Array) -> ControllerState:
+        """Give a task a new target, in the layout of its definition's."""
+        k = self._index(task)
+        old, new = state.targets[k], np.array(target, dtype=np.float64)
+        if old is None or old.shape != new.shape or not np.isfinite(new).all():
+            shape = "no target" if old is None else f"a finite target of shape {old.shape}"
+            raise ValueError(f"task '{task}' takes {shape}, got shape {new.shape}")
+        return state._replace(targets=(*state.targets[:k], new, *state.targets[k + 1 :]))
+
+    def _index(self, task: str) -> int:
+        if task not in self.task_names:
+            raise UnknownNameError("task", task, self.task_names)
+        return self.task_names.index(task)
+
+    def _want(self, state: ControllerState, task: str, wanted: bool) -> ControllerState:
+        mask = state.stack.wanted.copy()
+        mask[self._index(task)] = wanted
+        return state._replace(stack=state.stack._replace(wanted=mask))
+
+    def _situation(self, t: float, state: ControllerState) -> tuple[ControllerState, Seen]:
+        """Everything at t; where a phase begins at t, evaluated again under it."""
+        state = self._reordered(state)
+        self._evaluate(t, state.q, state.contact, state)
+        seen = observe(self.law)
+        change = self.phases.advance(state.phase, t, self.law.kin, seen)
+        if not change.entered:
+            return state._replace(phase=change.phase), seen
+        state = self._handed_over(state._replace(phase=change.phase), change.contact)
+        self._evaluate(t, state.q, state.contact, state)
+        return state, observe(self.law)
+
+    def _evaluate(self, t: float, q: Array, contact: ContactState, state: ControllerState) -> None:
+        reference = self._references.at(t, state.phase.motion)
+        targets: list[Array | None] = list(state.targets)
+        targets[len(targets) - len(self._tips) :] = self._references.tips
+        active = (state.stack.wanted | (state.activation.rho > 0.0)).tolist()
+        for k in self._priority:
+            active[k] = True  # their errors are logged and their return is foreseen
+        self.law.evaluate(q, contact, reference, targets, active)
+
+    def _handed_over(self, state: ControllerState, contact: ContactState) -> ControllerState:
+        """A new phase: rows pass between the main task and the tips without a step.
+
+        A finger that leaves had its tip held by the contact's rows: its tip task takes over at once,
+        starting at rest. A tip that touches and pivots is held by the contact's rows from now on;
+        one that may slide keeps its tip task, which fades.
+        """
+        phase = self.phases.phases[state.phase.index]
+        rho, lag = state.activation.rho.copy(), state.activation.lag.copy()
+        for i, k in enumerate(self._tips):
+            before, now = state.contact.mode[i], contact.mode[i]
+            if before != ContactMode.FREE and now == ContactMode.FREE:
+                rho[k] = lag[k] = float(phase.wanted[k])
+            elif before == ContactMode.FREE and now == ContactMode.FIXED:
+                rho[k] = lag[k] = 0.0
+        stack = state.stack._replace(wanted=phase.wanted)
+        return state._replace(contact=contact, activation=gains.Activation(rho, lag), stack=stack)
+
+    def _moving(self, state: ControllerState) -> BoolArray:
+        """(M,) tasks that must be out before the next order can be taken."""
+        moving = np.zeros(len(self.task_names), dtype=np.bool_)
+        if state.next_order is not None:
+            now = {k: place for place, k in enumerate(state.order)}
+            for a, k in enumerate(state.next_order):
+                for other in state.next_order[a + 1 :]:
+                    if now[k] > now[other]:
+                        moving[k] = moving[other] = True
+        return moving
+
+    def _reordered(self, state: ControllerState) -> ControllerState:
+        if state.next_order is None or (state.activation.rho[self._moving(state)] > 1e-4).any():
+            return state
+        return state._replace(
+            order=state.next_order,
+            next_order=None,
+            level_order=self.law.stack.level_order(state.next_order),
+        )
+
+    def _targets(self, state: ControllerState, stack: StackState) -> Array:
+        target: Array = stack.within.astype(np.float64)
+        if state.next_order is not None:
+            target[self._moving(state)] = 0.0
+        return target
+
+    def _levels(self, activation: gains.Activation) -> Array:
+        levels: Array = activation.rho[self.law.stack.level_task]
+        return levels
+
+    def _stage(self, state: ControllerState):  # type: ignore[no-untyped-def]
+        def evaluate(q: Array, contact: ContactState, t: float, levels: Array) -> Motion:
+            self._evaluate(t, q, contact, state)
+            return self.law.solve(state.level_order, levels)
+
+        return evaluate
+
+    def _limited(
+        self, state: ControllerState, motion: Motion, measurement: Measurement | None
+    ) -> tuple[Array, Status, Limited]:
+        """The velocity of q̃ that goes out: within the limits, finite, whatever came in."""
+        s, nv = self.settings, len(state.q)
+        velocity_bounds(
+            state.q, s.lower, s.upper, s.velocity, s.acceleration, s.dt, self._low, self._high
+        )
+        status = Status.OK
+        if measurement is not None and not (
+            np.shape(measurement.q) == (nv,) and np.isfinite(measurement.q).all()
+        ):
+            status |= Status.BAD_MEASUREMENT
+        if not np.isfinite(motion.total.sum() + motion.main.sum()):
+            status |= Status.BAD_COMMAND
+        if status:
+            nothing = np.zeros(len(motion.total))
+            motion = Motion(nothing, nothing)
+        limited = Limited(
+            *limit(
+                motion.main[:nv], motion.total[:nv], state.v, self._low, self._high,
+                s.acceleration, s.dt, self._command,
+            )
+        )  # fmt: skip
+        if limited == NOT_LIMITED:
+            return motion.total, status, limited
+        # the contact variables keep step with the joints: the same shares of the same motions
+        step = limited.main * motion.main + limited.secondary * (motion.total - motion.main)
+        step = state.rates + limited.change * (step - state.rates)
+        step[:nv] = self._command
+        return step, status | (Status.CLIPPED if limited.clipped else Status.SCALED), limited
+
+    def _record(
+        self, t: float, state: ControllerState, seen: Seen, stack: StackState,
+        event: StackEvent | None, independence: float, freedom: Array,
+    ) -> TickRecord:  # fmt: skip
+        kin, distances = self.law.kin, self.law.distances
+        status = Status.OK
+        if kin.row_count and independence < _NEAR_SINGULAR:
+            status |= Status.NEAR_SINGULAR
+        if state.phase.timeouts:
+            status |= Status.PHASE_TIMEOUT
+        if state.phase.done:
+            status |= Status.DONE
+        return TickRecord(
+            t=t,
+            q=state.q,
+            v=state.v,
+            object_position=kin.object_position.copy(),
+            object_rotation=kin.object_rotation.copy(),
+            reference_position=kin.reference.position.copy(),
+            reference_rotation=kin.reference.rotation.copy(),
+            object_error=seen.object_error,
+            mode=state.contact.mode,
+            contact_points=seen.points,
+            contact_normals=seen.normals,
+            task_error=seen.task_error,
+            within=stack.within,
+            activation=state.activation.rho,
+            residuals=seen.residuals,
+            cost=self.law.cost,
+            min_distance=distances.smallest if distances is not None else np.inf,
+            phase=state.phase.index,
+            status=status,
+            limited=NOT_LIMITED,
+            independence=independence,
+            freedom=freedom,
+            event=event,
+        )

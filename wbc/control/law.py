@@ -1,0 +1,145 @@
+"""The first-stage law (35), (37): from a configuration and gains to the velocity of q̃."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, final
+
+import numpy as np
+
+from wbc.arrays import Array, IntArray
+from wbc.contact.extended_finger import ExtendedKinematics
+from wbc.contact.grasp import ContactState, ObjectReference
+from wbc.control.task_stack import TaskStack
+from wbc.costs import Cost
+from wbc.robot.distances import Distances
+from wbc.robot.kinematics import Kinematics
+from wbc.rotations import exp_so3
+from wbc.stack.projection import solve_stack
+from wbc.compiled import kernel
+
+
+class Motion(NamedTuple):
+    """Velocity of q̃ for one evaluation of the law, in two parts that the limit filter may separate.
+
+    Attributes:
+        main: (nv + 5N,) of the main task alone: q̇, then ξ̇ (N, 2), then θ̇ (N, 3, turning rate of the
+            contact frame in the fingertip's axes).
+        total: (nv + 5N,) of the whole law.
+    """
+
+    main: Array
+    total: Array
+
+
+@final
+class Law:
+    """Workspaces and evaluation of the law; holds no state between evaluations.
+
+    Attributes:
+        kin: the tick's kinematics.
+        stack: the tasks' rows.
+        cost: C_Σ at the last evaluation (38).
+        gradient: (nv,) ∇C_Σ over the joints.
+        rank, independence: of the main task's rows at the last solve.
+        freedom: (L,) share of freedom each level found.
+    """
+
+    def __init__(
+        self,
+        kin: ExtendedKinematics,
+        stack: TaskStack,
+        costs: Sequence[Cost],
+        distances: Distances | None,
+        gradient_gain: float,
+    ) -> None:
+        self.kin = kin
+        self.stack = stack
+        self.costs = tuple(costs)
+        self.distances = distances
+        self.gradient_gain = gradient_gain
+        nv, n = kin.robot.model.nv, kin.grasp.count
+        rows, levels = len(stack.error), len(stack.level_start)
+        self.cost = 0.0
+        self.gradient: Array = np.zeros(nv)
+        self.freedom: Array = np.ones(levels)
+        self.rank, self.independence = 0, 1.0
+        self._basis: Array = np.zeros((3 * n, nv))
+        self._taken: Array = np.zeros((rows, nv))
+        self._share: Array = np.zeros(rows)
+        self._main: Array = np.zeros(nv)
+        self._total: Array = np.zeros(nv)
+        self._xi: Array = np.zeros((n, 2))
+        self._pivot: Array = np.zeros((n, 3))
+
+    def evaluate(
+        self, q: Array, contact: ContactState, reference: ObjectReference,
+        targets: Sequence[Array | None], active: Sequence[bool],
+    ) -> None:  # fmt: skip
+        """Kinematics, tasks and costs at one configuration."""
+        kin = self.kin.update(q, contact, reference)
+        self.stack.evaluate(kin, targets, active)
+        self.gradient.fill(0.0)
+        if self.distances is not None:
+            self.distances.update(kin.robot, kin.object_position, kin.object_rotation)
+        self.cost = 0.0
+        for cost in self.costs:
+            self.cost += cost.weight * cost.add_gradient(kin.robot, self.distances, self.gradient)
+
+    def solve(self, order: IntArray, activation: Array) -> Motion:
+        """The law with the given gains, (L,), at the configuration last evaluated."""
+        kin, stack = self.kin, self.stack
+        scale = stack.scale
+        rows = kin.rows[: kin.row_count] * scale
+        descent = (self.gradient_gain * self.gradient) * scale
+        self.rank, self.independence = solve_stack(
+            rows, kin.rhs, stack.jacobian, stack.rhs, stack.row_activation, stack.level_start,
+            stack.level_size, order, activation, descent, self._basis, self._taken, self._share,
+            self._main, self._total, self.freedom,
+        )  # fmt: skip
+        main = self._main * scale
+        rest = self._total * scale - main
+        with_object = self._extended(main, True)
+        return Motion(with_object, with_object + self._extended(rest, False))
+
+    def _extended(self, v: Array, with_object: bool) -> Array:
+        self.kin.passive_rates(v, with_object=with_object, xi_rate=self._xi, pivot_rate=self._pivot)
+        return np.concatenate((v, self._xi.ravel(), self._pivot.ravel()))
+
+
+@final
+@dataclass(frozen=True)
+class CostForecast:
+    """C_Σ at another q, with the object where it is: for the supervisor's predictions.
+
+    Attributes:
+        kin, distances: workspaces of their own, so that the tick's stay fresh.
+    """
+
+    costs: tuple[Cost, ...]
+    kin: Kinematics
+    distances: Distances | None
+
+    def at(self, q: Array, kin: ExtendedKinematics) -> float:
+        """C_Σ at q, (nv,)."""
+        self.kin.update_placements(q)
+        if self.distances is not None:
+            self.distances.update(self.kin, kin.object_position, kin.object_rotation)
+        return sum(c.weight * c.value(self.kin, self.distances) for c in self.costs)
+
+
+@kernel
+def _advance_pivots(pivot, turn):  # type: ignore[no-untyped-def]
+    out = np.empty(pivot.shape)
+    for i in range(pivot.shape[0]):
+        out[i] = exp_so3(turn[i]) @ pivot[i]
+    return out
+
+
+def moved(q: Array, contact: ContactState, step: Array) -> tuple[Array, ContactState]:
+    """q and η after the motion `step` (nv + 5N,), a velocity of q̃ times a time."""
+    nv, n = len(q), len(contact.mode)
+    xi = contact.xi + step[nv : nv + 2 * n].reshape(n, 2)
+    pivot = _advance_pivots(contact.pivot, step[nv + 2 * n :].reshape(n, 3))
+    return q + step[:nv], ContactState(contact.mode, xi, pivot)

@@ -1,0 +1,77 @@
+"""What a tick sees before it commands: the part of the record that the sequence of phases reads too."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.arrays import Array
+from wbc.compiled import kernel
+from wbc.control.law import Law
+from wbc.rotations import cross
+
+
+@kernel
+def _observe(
+    mode,
+    charts,
+    frame,
+    position,
+    rotation,
+    error,
+    task_first,
+    task_last,
+    rows,
+    points,
+    normals,
+    object_error,
+    task_error,
+):  # type: ignore[no-untyped-def]
+    f, m = np.zeros(3), np.zeros(3)
+    for i in range(mode.shape[0]):
+        point, normal = charts[i, 0], frame[i, :, 2]
+        points[i] = position + rotation @ point
+        normals[i] = rotation @ normal
+        f += normal
+        m += cross(point, normal)
+        if mode[i] == 0:
+            object_error[i] = np.nan
+        else:
+            object_error[i, 0] = np.sqrt(np.sum(error[i, :3] * error[i, :3]))
+            object_error[i, 1] = np.sqrt(np.sum(error[i, 3:] * error[i, 3:]))
+    for k in range(task_first.shape[0]):
+        e = rows[task_first[k] : task_last[k]]
+        task_error[k] = np.sqrt(np.sum(e * e))
+    return 0.5 * np.sum(f * f), 0.5 * np.sum(m * m)
+
+
+class Seen(NamedTuple):
+    """The situation at a tick, copied out of the workspaces.
+
+    Attributes:
+        points, normals: (N, 3) contact points [m] and outward normals in the world.
+        object_error: (N, 2) position [m] and orientation [rad] error by each finger, NaN if free.
+        task_error: (M,) norm of each task's error.
+        residuals: (ε_f, ε_m) of (44)-(45) over all fingers of the grasp at their chart coordinates:
+            the planned ones before they touch, the last ones after they have left.
+    """
+
+    points: Array
+    normals: Array
+    object_error: Array
+    task_error: Array
+    residuals: tuple[float, float]
+
+
+def observe(law: Law) -> Seen:
+    """The law's last evaluation."""
+    kin, stack = law.kin, law.stack
+    n = kin.grasp.count
+    points, normals = np.empty((n, 3)), np.empty((n, 3))
+    object_error, task_error = np.empty((n, 2)), np.empty(len(stack.tasks))
+    residuals = _observe(
+        kin.state.mode, kin.charts, kin.frame, kin.object_position, kin.object_rotation, kin.error,
+        stack.task_first, stack.task_last, stack.error, points, normals, object_error, task_error,
+    )  # fmt: skip
+    return Seen(points, normals, object_error, task_error, residuals)

@@ -1,0 +1,186 @@
+"""The phases of an exchange: who touches how, what moves where, when it is over."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple, final
+
+import numpy as np
+
+from wbc.arrays import Array, BoolArray, IntArray
+from wbc.contact.extended_finger import ExtendedKinematics
+from wbc.contact.grasp import ContactMode, ContactState
+from wbc.control.references import Motion
+from wbc.control.observe import Seen
+from wbc.control.state import PhaseState
+
+
+@dataclass(frozen=True)
+class ExitCondition:
+    """All that is given must hold for a phase to end.
+
+    Attributes:
+        time: least duration, [s].
+        residuals: (task index, largest |e|) in the task's units.
+        tip_error: largest distance of a reaching tip from its target, [m].
+        distance: least distance of the reaching tips outside the object's surface, [m].
+        force_closure: ε_f and ε_m both below this; None: not asked.
+        object_error: largest position error of the object by any finger, [m].
+    """
+
+    time: float = 0.0
+    residuals: tuple[tuple[int, float], ...] = ()
+    tip_error: float | None = None
+    distance: float | None = None
+    force_closure: float | None = None
+    object_error: float | None = None
+
+
+@dataclass(frozen=True)
+class Phase:
+    """One phase.
+
+    Attributes:
+        name: unique.
+        mode: (N,) ContactMode of each finger.
+        reach: (N,) clearance outside the surface that a free tip goes to, [m]; NaN: it does not reach.
+        wanted: (M,) tasks asked for, tips included.
+        pad: (N,) l − Δl at the end of the phase, [m].
+        object_position: (3,) where the object goes, [m]; None: it stays.
+        object_turn: (3,) rotation vector it turns by, world axes, [rad]; None: none.
+        over: duration of the phase's motions, [s].
+        until: exit condition.
+        timeout: time after which the phase has failed, [s].
+        on_timeout: "stop" (end the sequence in this phase), "next" (go on), "hold" (keep trying).
+    """
+
+    name: str
+    mode: IntArray
+    reach: Array
+    wanted: BoolArray
+    pad: Array
+    object_position: Array | None = None
+    object_turn: Array | None = None
+    over: float = 0.5
+    until: ExitCondition = field(default_factory=ExitCondition)
+    timeout: float = np.inf
+    on_timeout: str = "stop"
+
+
+class Transition(NamedTuple):
+    """The state after a tick's look at the phase.
+
+    Attributes:
+        phase: where the sequence is now.
+        contact: contact variables, with new touches initialised.
+        entered: whether a phase began.
+        timed_out: whether a timeout fell in this tick.
+    """
+
+    phase: PhaseState
+    contact: ContactState
+    entered: bool
+    timed_out: bool
+
+
+@final
+@dataclass(frozen=True)
+class PhaseSequence:
+    """The phases in order."""
+
+    phases: tuple[Phase, ...]
+
+    def begin(self, index: int, t: float, kin: ExtendedKinematics, last: Motion | None) -> Motion:
+        """Motions of phase `index` from where the references and the tips are at t.
+
+        Args:
+            kin: the kinematics at t.
+            last: the motion of the phase before; None at the start.
+        """
+        phase, grasp = self.phases[index], kin.grasp
+        n = grasp.count
+        position = np.zeros((2, 3))
+        rotation, turn = np.array(kin.reference.rotation), np.zeros(3)
+        if (
+            last is not None
+        ):  # exactly where the last motion ended or stands, not where errors left it
+            position[:] = kin.reference.position
+        else:
+            position[:] = kin.object_position
+        if phase.object_position is not None:
+            position[1] = phase.object_position
+        if phase.object_turn is not None:
+            turn = np.array(phase.object_turn)
+        reach = np.stack([np.array(kin.reference.reach), phase.pad])
+        tips = np.zeros((2, n, 3))
+        for i in range(n):
+            normal, point = kin.frame[i, :, 2], kin.charts[i, 0]
+            if kin.state.mode[i] == ContactMode.FREE:
+                offset = kin.robot.position[i] - kin.object_position
+                tips[0, i] = offset @ kin.object_rotation
+                reach[0, i] = grasp.rest_length[i]
+            else:
+                tips[0, i] = point + kin.reference.reach[i] * normal
+            if phase.mode[i] != ContactMode.FREE:
+                tips[1, i] = tips[0, i]  # where it touches it stays while its tip task fades
+            elif np.isfinite(phase.reach[i]):
+                tips[1, i] = point + (grasp.rest_length[i] + phase.reach[i]) * normal
+            else:
+                tips[1, i] = tips[0, i]
+        return Motion(t, max(phase.over, 1e-9), position, rotation, turn, reach, tips)
+
+    def advance(
+        self, state: PhaseState, t: float, kin: ExtendedKinematics, seen: Seen
+    ) -> Transition:
+        """Look at the phase at time t, with everything evaluated there; the result is in force from t."""
+        if state.done or state.stopped:
+            return Transition(state, kin.state, False, False)
+        phase = self.phases[state.index]
+        if self._over(phase, state, t, kin, seen):
+            return self._enter_next(state, t, kin)
+        if t - state.since >= phase.timeout - 1e-9 and phase.name not in state.timeouts:
+            state = state._replace(timeouts=(*state.timeouts, phase.name))
+            if phase.on_timeout == "next":
+                return self._enter_next(state, t, kin)._replace(timed_out=True)
+            stopped = phase.on_timeout == "stop"
+            return Transition(state._replace(stopped=stopped), kin.state, False, True)
+        return Transition(state, kin.state, False, False)
+
+    def _over(
+        self, phase: Phase, state: PhaseState, t: float, kin: ExtendedKinematics, seen: Seen
+    ) -> bool:
+        until = phase.until
+        if t - state.since < until.time - 1e-9:
+            return False
+        if t < state.motion.start + state.motion.duration - 1e-9:
+            return False  # a reference cut short would be a velocity step
+        if any(not seen.task_error[k] <= limit for k, limit in until.residuals):
+            return False
+        if until.force_closure is not None and not max(seen.residuals) <= until.force_closure:
+            return False
+        if until.object_error is not None:
+            errors = seen.object_error[:, 0]
+            if np.any(errors[~np.isnan(errors)] > until.object_error):
+                return False
+        reaching = np.flatnonzero(np.isfinite(phase.reach))
+        for i in reaching:
+            tip = (kin.robot.position[i] - kin.object_position) @ kin.object_rotation
+            if until.tip_error is not None and not (
+                np.linalg.norm(state.motion.tips[1, i] - tip) <= until.tip_error
+            ):
+                return False
+            if until.distance is not None and not kin.grasp.surface.level(tip) >= until.distance:
+                return False
+        return True
+
+    def _enter_next(self, state: PhaseState, t: float, kin: ExtendedKinematics) -> Transition:
+        if state.index + 1 >= len(self.phases):
+            return Transition(state._replace(done=True), kin.state, False, False)
+        index = state.index + 1
+        motion = self.begin(index, t, kin, state.motion)
+        mode = self.phases[index].mode
+        pivot = np.array(kin.state.pivot)
+        for i in np.flatnonzero((kin.state.mode == ContactMode.FREE) & (mode != ContactMode.FREE)):
+            pivot[i] = kin.touch(int(i))
+        contact = ContactState(mode, kin.state.xi, pivot)
+        return Transition(state._replace(index=index, since=t, motion=motion), contact, True, False)

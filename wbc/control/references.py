@@ -1,0 +1,95 @@
+"""Minimum-jerk references: object pose, pads and free tips from where they are to where a phase wants them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, final
+
+import numpy as np
+
+from wbc.arrays import Array
+from wbc.compiled import kernel
+from wbc.contact.grasp import ObjectReference
+from wbc.rotations import exp_so3
+
+
+class Motion(NamedTuple):
+    """One phase's motions: all start and end at rest and last `duration`.
+
+    Attributes:
+        start: time at which they start, [s].
+        duration: [s], positive.
+        position: (2, 3) object position from, to, [m].
+        rotation: (3, 3) object rotation at the start.
+        turn: (3,) rotation vector from there to the end, world axes, [rad].
+        reach: (2, N) l − Δl of the pads from, to, [m].
+        tips: (2, N, 3) points for the free tips from, to, in the object frame, [m].
+    """
+
+    start: float
+    duration: float
+    position: Array
+    rotation: Array
+    turn: Array
+    reach: Array
+    tips: Array
+
+
+@kernel
+def minimum_jerk(tau: float) -> tuple[float, float]:
+    """Share of the way at share tau of the time, and its derivative by tau; 0 and 1 outside [0, 1]."""
+    if tau <= 0.0:
+        return 0.0, 0.0
+    if tau >= 1.0:
+        return 1.0, 0.0
+    s = tau * tau * tau * (10.0 + tau * (-15.0 + 6.0 * tau))
+    ds = 30.0 * tau * tau * (1.0 - tau) * (1.0 - tau)
+    return s, ds
+
+
+@kernel
+def _evaluate(
+    t,
+    start,
+    duration,
+    position,
+    rotation,
+    turn,
+    reach,
+    tips,
+    out_position,
+    out_rotation,
+    out_twist,
+    out_reach,
+    out_reach_rate,
+    out_tips,
+):  # type: ignore[no-untyped-def]
+    s, ds = minimum_jerk((t - start) / duration)
+    ds /= duration
+    way = position[1] - position[0]
+    out_position[:] = position[0] + s * way
+    out_twist[:3] = ds * way
+    out_twist[3:] = ds * turn
+    out_rotation[:] = exp_so3(s * turn) @ rotation
+    pads = reach[1] - reach[0]
+    out_reach[:] = reach[0] + s * pads
+    out_reach_rate[:] = ds * pads
+    for i in range(tips.shape[1]):
+        way = tips[1, i] - tips[0, i]
+        out_tips[i, :3] = tips[0, i] + s * way
+        out_tips[i, 3:] = ds * way
+
+
+@final
+class References:
+    """Workspace in which a `Motion` is evaluated; what it returns is overwritten by the next call."""
+
+    def __init__(self, fingers: int) -> None:
+        self.object = ObjectReference(
+            np.zeros(3), np.eye(3), np.zeros(6), np.zeros(fingers), np.zeros(fingers)
+        )
+        self.tips: Array = np.zeros((fingers, 6))
+
+    def at(self, t: float, motion: Motion) -> ObjectReference:
+        """The object's reference at time t; the tips' targets (N, 6) are in `tips`."""
+        _evaluate(t, *motion, *self.object, self.tips)
+        return self.object

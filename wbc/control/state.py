@@ -1,0 +1,146 @@
+"""What goes into a tick and comes out of it: values, never changed in place."""
+
+from __future__ import annotations
+
+from enum import IntFlag
+from typing import NamedTuple
+
+from wbc.arrays import Array, BoolArray, IntArray
+from wbc.contact.grasp import ContactState
+from wbc.control.references import Motion
+from wbc.stack.activation import Activation
+from wbc.stack.limits import Limited
+from wbc.stack.supervisor import StackEvent, StackState
+
+
+class Status(IntFlag):
+    """What gave way in a tick; 0 when nothing did. Never an exception, never a NaN."""
+
+    OK = 0
+    SCALED = 1
+    """The limit filter slowed the secondary tasks or the main task."""
+    CLIPPED = 2
+    """Joints were clipped one by one: the main task's direction is lost for this tick."""
+    NEAR_SINGULAR = 4
+    """The main task's rows are nearly dependent: its inverse is damped."""
+    BAD_MEASUREMENT = 8
+    """The measurement holds a NaN or an infinity, or has the wrong size: the robot brakes."""
+    BAD_COMMAND = 16
+    """The law gave no finite velocity: the robot brakes."""
+    PHASE_TIMEOUT = 32
+    """A phase did not reach its exit condition in time."""
+    DONE = 64
+    """Every phase has ended; the last references are held."""
+
+
+class Measurement(NamedTuple):
+    """What the robot reports. The first stage runs on its own references and only checks these.
+
+    Attributes:
+        q: (nv,) measured joint positions, [rad] or [m].
+    """
+
+    q: Array
+
+
+class PhaseState(NamedTuple):
+    """Where the sequence of phases is.
+
+    Attributes:
+        index: the phase.
+        since: time it began, [s].
+        motion: its references.
+        done: the last phase has met its exit condition.
+        stopped: a timeout ended the sequence; the references are held.
+        timeouts: names of the phases that timed out.
+    """
+
+    index: int
+    since: float
+    motion: Motion
+    done: bool
+    stopped: bool
+    timeouts: tuple[str, ...]
+
+
+class ControllerState(NamedTuple):
+    """Everything the controller carries from tick to tick.
+
+    Attributes:
+        tick: number of the next tick; t = tick · dt.
+        q: (nv,) commanded positions q_d of (35).
+        v: (nv,) last commanded velocity.
+        rates: (nv + 5N,) the same with the rates of the contact variables, as in `law.Motion`.
+        contact: the contact variables η_d.
+        activation: gains of all tasks, tips included.
+        stack: who is in the stack.
+        order: tasks from the highest priority down, free tips first.
+        next_order: the order asked for, while tasks that change place fade out; else None.
+        level_order: levels in the present order.
+        phase: where the sequence of phases is.
+        targets: target of each task.
+    """
+
+    tick: int
+    q: Array
+    v: Array
+    rates: Array
+    contact: ContactState
+    activation: Activation
+    stack: StackState
+    order: tuple[int, ...]
+    next_order: tuple[int, ...] | None
+    level_order: IntArray
+    phase: PhaseState
+    targets: tuple[Array | None, ...]
+
+
+class TickRecord(NamedTuple):
+    """One tick as it is logged: the situation at t and the command for the tick that begins there.
+
+    Attributes:
+        t: [s].
+        q: (nv,) positions at t.
+        v: (nv,) velocity commanded for [t, t + dt].
+        object_position, object_rotation: object pose as the fingers in contact hold it.
+        reference_position, reference_rotation: where it should be.
+        object_error: (N, 2) position [m] and orientation [rad] error by each finger, NaN if free.
+        mode: (N,) ContactMode of each finger.
+        contact_points, contact_normals: (N, 3) in the world.
+        task_error: (M,) norm of each task's error, tips included.
+        within: (M,) in the stack.
+        activation: (M,) ρ.
+        residuals: ε_f [1] and ε_m [m²] over the grasp's fingers (44)-(45).
+        cost: C_Σ.
+        min_distance: smallest distance of the watched pairs, [m].
+        phase: index.
+        status: what gave way.
+        limited: what the limit filter did.
+        independence: smallest independent share of the main task's rows, 1 = orthogonal.
+        freedom: (L,) share of freedom each level found, 1 = all.
+        event: the supervisor's decision, if any.
+    """
+
+    t: float
+    q: Array
+    v: Array
+    object_position: Array
+    object_rotation: Array
+    reference_position: Array
+    reference_rotation: Array
+    object_error: Array
+    mode: IntArray
+    contact_points: Array
+    contact_normals: Array
+    task_error: Array
+    within: BoolArray
+    activation: Array
+    residuals: tuple[float, float]
+    cost: float
+    min_distance: float
+    phase: int
+    status: Status
+    limited: Limited
+    independence: float
+    freedom: Array
+    event: StackEvent | None

@@ -1,0 +1,84 @@
+"""The tasks of a stack, evaluated into one block of preallocated rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+
+from wbc.arrays import Array, IntArray
+from wbc.contact.extended_finger import ExtendedKinematics
+from wbc.stack.projection import task_rows
+from wbc.tasks import Task, TaskRows
+
+
+@final
+class TaskStack:
+    """Rows of all tasks, and how they form levels. A workspace: `evaluate` overwrites it.
+
+    Attributes:
+        tasks: the M tasks; a level belongs to `level_task`.
+        level_start, level_size, level_task: (L,) rows and owner of each level.
+        jacobian, rhs: (R, nv), (R,) rows over the joints, scaled by the metric.
+        error: (R,) e of each task, unsaturated.
+        row_activation: (R,).
+    """
+
+    def __init__(self, tasks: Sequence[Task], fingers: int, metric: Array) -> None:
+        self.tasks = tuple(tasks)
+        nv = len(metric)
+        levels: list[tuple[int, int, int]] = []
+        start = 0
+        self.task_slices: list[slice] = []
+        for k, task in enumerate(self.tasks):
+            self.task_slices.append(slice(start, start + task.rows))
+            if task.separate:
+                levels += [(start + r, 1, k) for r in range(task.rows)]
+            else:
+                levels.append((start, task.rows, k))
+            start += task.rows
+        self.task_first = np.array([s.start for s in self.task_slices], dtype=np.int64)
+        self.task_last = np.array([s.stop for s in self.task_slices], dtype=np.int64)
+        table = np.array(levels, dtype=np.int64).reshape(len(levels), 3)
+        self.level_start, self.level_size, self.level_task = (
+            np.ascontiguousarray(table[:, c]) for c in range(3)
+        )
+        self.gain = np.array([self.tasks[k].gain for k in self.level_task])
+        self.saturation = np.array([self.tasks[k].saturation for k in self.level_task])
+        self.scale: Array = 1.0 / np.sqrt(metric)
+        self.jacobian_ext: Array = np.zeros((start, nv + 2 * fingers))
+        self.error: Array = np.zeros(start)
+        self.rate: Array = np.zeros(start)
+        self.row_activation: Array = np.ones(start)
+        self.jacobian: Array = np.zeros((start, nv))
+        self.rhs: Array = np.zeros(start)
+        self._slots = [
+            TaskRows(self.error[s], self.jacobian_ext[s], self.rate[s], self.row_activation[s])
+            for s in self.task_slices
+        ]
+
+    def evaluate(
+        self, kin: ExtendedKinematics, targets: Sequence[Array | None], active: Sequence[bool]
+    ) -> None:
+        """All rows at `kin`. Tasks that are neither in nor fading (`active` false) stay zero."""
+        self.jacobian_ext.fill(0.0)
+        self.error.fill(0.0)
+        self.rate.fill(0.0)
+        self.row_activation.fill(1.0)
+        for task, slot, target, on in zip(self.tasks, self._slots, targets, active, strict=True):
+            if on:
+                task.evaluate(kin, target, slot)
+        n = kin.grasp.count
+        task_rows(
+            self.jacobian_ext, self.error, self.rate, self.gain, self.saturation,
+            self.level_start, self.level_size, kin.xi_jacobian.reshape(2 * n, -1),
+            kin.xi_drift.reshape(2 * n), self.scale, self.jacobian, self.rhs,
+        )  # fmt: skip
+
+    def level_order(self, tasks: Sequence[int]) -> IntArray:
+        """Levels in the order of their tasks, highest priority first."""
+        return np.array(
+            [level for k in tasks for level in np.flatnonzero(self.level_task == k)],
+            dtype=np.int64,
+        )

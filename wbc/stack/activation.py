@@ -1,0 +1,51 @@
+"""Smooth gains ρ: two first-order lags in series, so that neither ρ nor its slope jumps.
+
+The published ρ = 1 − e^{−μ(t−τ)} (before Fig. 13) starts anew at 0 or 1 when a task is switched back
+early, and its slope jumps at every switch: the command steps by μT times the task's term. Two lags
+step by half the square of that and start from wherever they are. At t = 0 every ρ is 0.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.arrays import Array
+
+
+class Activation(NamedTuple):
+    """State of the gains of L levels.
+
+    Attributes:
+        rho: (L,) the gains, in [0, 1].
+        lag: (L,) the first lag's output, which ρ follows.
+    """
+
+    rho: Array
+    lag: Array
+
+
+def start(levels: int) -> Activation:
+    """Every gain at 0."""
+    return Activation(np.zeros(levels), np.zeros(levels))
+
+
+def advance(activation: Activation, target: Array, rate: float, dt: float) -> Activation:
+    """The gains a time dt later, exactly: target (L,) constant meanwhile, rate μ in 1/s.
+
+    An infinite rate switches at once.
+    """
+    if math.isinf(rate):
+        return Activation(target, target)
+    decay = math.exp(-rate * dt)
+    gap = activation.lag - target
+    rho = target + (activation.rho - target + gap * (rate * dt)) * decay
+    return Activation(rho, target + gap * decay)
+
+
+def published(t: float, since: float, rate: float, *, inserted: bool) -> float:
+    """ρ(t) as printed: 1 − e^{−μ(t−τ)} after an insertion at τ, e^{−μ(t−τ′)} after a removal."""
+    decay = math.exp(-rate * (t - since))
+    return 1.0 - decay if inserted else decay

@@ -1,0 +1,132 @@
+"""The limit filter: what the stack wants, within what the robot may do, reported.
+
+A cost cannot guarantee a limit. After the stack, every joint has an interval of velocities from
+which its position and velocity limits can still be kept, braking distance included. A command
+outside is first stripped of its secondary part, as far as needed, keeping the main task's direction
+and speed; if the main task alone does not fit it is slowed along its direction. A change faster than
+the acceleration limits is made along the straight line from the last command, all joints in
+proportion: both ends fulfil the main task, so every point between does. What is still outside (a
+start beyond a limit, a joint that must brake now) is clipped joint by joint.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.arrays import Array
+from wbc.compiled import kernel
+
+
+class Limited(NamedTuple):
+    """What the filter did.
+
+    Attributes:
+        secondary: share of the secondary motion kept, 1 = all.
+        main: share of the main task's speed kept, 1 = all.
+        change: share of the change since the last command that was made, 1 = all.
+        clipped: whether joints had to be clipped one by one (the main task's direction is lost).
+        joint: the joint that bound most, -1 if none did.
+    """
+
+    secondary: float
+    main: float
+    change: float
+    clipped: bool
+    joint: int
+
+
+NOT_LIMITED = Limited(1.0, 1.0, 1.0, False, -1)
+
+
+@kernel
+def velocity_bounds(q, lower, upper, velocity, acceleration, dt, low, high):  # type: ignore[no-untyped-def]
+    """Velocities of the next tick that keep position and velocity limits now and by braking later.
+
+    With deceleration a, a joint at distance d from its bound may move at most at the v for which the
+    braking path, rounded up to whole ticks, fits in d: v <= a (√((dt/2)² + 2d/a) − dt/2). Beyond a
+    bound only motion back is allowed.
+
+    Args:
+        q: (n,) positions.
+        lower, upper, velocity: (n,) limits.
+        acceleration: (n,), inf where there is none.
+        dt: the tick, [s].
+        low, high: (n,) filled, low <= 0 <= high.
+    """
+    for j in range(q.shape[0]):
+        high[j] = min(velocity[j], _approach(upper[j] - q[j], acceleration[j], dt))
+        low[j] = -min(velocity[j], _approach(q[j] - lower[j], acceleration[j], dt))
+
+
+@kernel
+def _approach(room, a, dt):  # type: ignore[no-untyped-def]
+    if room <= 0.0:
+        return 0.0
+    if not np.isfinite(a):
+        return room / dt
+    half = 0.5 * dt
+    return min(room / dt, a * (np.sqrt(half * half + 2.0 * room / a) - half))
+
+
+@kernel
+def _fit(start, step, low, high):  # type: ignore[no-untyped-def]
+    """Largest s in [0, 1] with start + s step inside the bounds, and the joint that stops it.
+
+    A joint whose start is outside already does not stop it: clipping is left to deal with it.
+    """
+    s = 1.0
+    joint = -1
+    for j in range(start.shape[0]):
+        end = start[j] + step[j]
+        if end > high[j] and start[j] <= high[j]:
+            share = (high[j] - start[j]) / step[j]
+        elif end < low[j] and start[j] >= low[j]:
+            share = (low[j] - start[j]) / step[j]
+        else:
+            continue
+        if share < s:
+            s = max(share, 0.0)
+            joint = j
+    return s, joint
+
+
+@kernel
+def limit(v_main, v, last, low, high, acceleration, dt, out):  # type: ignore[no-untyped-def]
+    """Fill out (n,) with the command.
+
+    Args:
+        v_main, v: (n,) the main task's motion and the whole law's.
+        last: (n,) the last command.
+        low, high: (n,) from `velocity_bounds`.
+        acceleration: (n,), inf where there is none.
+
+    Returns:
+        The fields of `Limited`.
+    """
+    n = v.shape[0]
+    zero = np.zeros(n)
+    out[:] = v
+    main, secondary = 1.0, 1.0
+    joint = -1
+    if _fit(zero, v, low, high)[1] >= 0:
+        main, joint = _fit(zero, v_main, low, high)
+        if main == 1.0:
+            secondary, joint = _fit(v_main, v - v_main, low, high)
+        else:
+            secondary = 0.0
+        out[:] = main * v_main + secondary * (v - v_main)
+    reach = acceleration * dt
+    change, slow = _fit(last, out - last, last - reach, last + reach)
+    if change < 1.0:
+        joint = slow
+        out[:] = last + change * (out - last)
+    clipped = False
+    for j in range(n):
+        inside = min(max(out[j], low[j]), high[j])
+        if abs(inside - out[j]) > 1e-9 * (1.0 + abs(out[j])):
+            clipped = True
+            joint = j
+        out[j] = inside
+    return secondary, main, change, clipped, joint
