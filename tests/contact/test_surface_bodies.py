@@ -118,6 +118,19 @@ def test_follow_keeps_up_with_tips(case):
     assert not surface.planar or np.all(moved[:, 1] == 0.0)
 
 
+@pytest.mark.parametrize("case", CASES)
+def test_follow_squares_the_error(case):
+    """Tips a twentieth of the body off the surface, chart coordinates a little wrong."""
+    surface = build(case)
+    xi, face = contacts(surface, 30, inside=0.7)
+    charts, frame, _, _ = frames(surface, xi, face)
+    points = charts[:, 0] + 0.05 * extent(surface) * frame[:, :, 2]
+    wrong = xi + 1e-4 * np.array([1.0, 0.0 if surface.planar else -1.0])
+    follow(surface, points, wrong, face, charts, rounds=1)
+    # of the first 1e-4 a step of linear convergence would leave a few 1e-6
+    assert np.max(np.abs(wrong - xi)) < 3e-7
+
+
 def half_spaces(pieces):
     return [ConvexHull(piece).equations for piece in pieces]
 
