@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
-import inspect
-import pkgutil
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import is_dataclass, replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 import wbc.tasks
+from conformance.discovery import concrete, snapshot
 from conformance.robots import SETTINGS
 from conformance.task_table import (
     TASKS,
@@ -91,16 +89,6 @@ def check_derivative(got: np.ndarray, want: np.ndarray) -> None:
     """Equal to the accuracy of the differences; absolute up to 1, relative above."""
     assert np.all(np.isfinite(got))
     assert np.abs(got - want).max(initial=0.0) < 2e-8 * max(1.0, np.abs(want).max(initial=0.0))
-
-
-def concrete(base: type, package) -> set[type]:  # type: ignore[no-untyped-def]
-    """All classes below `base` in a package that can be instantiated."""
-    found = set()
-    for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
-        for _, kind in inspect.getmembers(importlib.import_module(module.name), inspect.isclass):
-            if issubclass(kind, base) and not inspect.isabstract(kind):
-                found.add(kind)
-    return found
 
 
 def test_every_task_class_is_in_the_table() -> None:
@@ -238,21 +226,6 @@ def test_evaluation_is_pure_and_keeps_to_its_rows(  # type: ignore[no-untyped-de
     assert np.all((first.activation >= 0.0) & (first.activation <= 1.0))
     for a, b in zip(before, snapshot(kin, example.target, task), strict=True):
         assert np.array_equal(a, b, equal_nan=True)
-
-
-def snapshot(*things: object) -> list[np.ndarray]:
-    """Copies of all arrays that a definition or a workspace holds."""
-    out: list[np.ndarray] = []
-    for thing in things:
-        if isinstance(thing, np.ndarray):
-            out.append(thing.copy())
-        elif is_dataclass(thing):
-            out += snapshot(*(getattr(thing, f.name) for f in fields(thing)))
-        elif isinstance(thing, tuple):
-            out += snapshot(*thing)
-        elif type(thing).__module__.startswith("wbc.") and hasattr(thing, "__dict__"):
-            out += snapshot(*vars(thing).values())
-    return out
 
 
 @rows_of_table(spots="silent")

@@ -101,7 +101,7 @@ def _contact_rows(
         error[i, 3:] = log_so3(reference_r @ rotation[i].T)
         twist_cmd[i] = twist + gain * error[i]
         arm = rotation[i] @ (charts[i, 0] + reach[i] * frame[i, :, 2])
-        normal = rotation[i] @ frame[i, :, 2]
+        normal = rotation[i] @ frame[i, :, 2].copy()  # contiguous, as compiled products want it
         tip_velocity = twist_cmd[i, :3] + cross(twist_cmd[i, 3:], arm) + reach_rate[i] * normal
         if mode[i] == 1:
             k = 2 if planar else 3
@@ -123,15 +123,19 @@ def _contact_rows(
 @kernel
 def _left_inverse(t):  # type: ignore[no-untyped-def]
     """(TᵀT)⁻¹Tᵀ of a (3, 1) or (3, 2) matrix of tangent vectors; zero where they vanish (a pole)."""
+    out = np.zeros((t.shape[1], 3))
     if t.shape[1] == 1:
         d = np.sum(t * t)
-        return t.T / d if d > 1e-16 else np.zeros(t.T.shape)
+        if d > 1e-16:
+            out[0] = t[:, 0] / d
+        return out
     a, b = np.sum(t[:, 0] * t[:, 0]), np.sum(t[:, 0] * t[:, 1])
     c = np.sum(t[:, 1] * t[:, 1])
     det = a * c - b * b
-    if det < 1e-16 * (a * c) or det == 0.0:
-        return np.zeros(t.T.shape)
-    return np.array(((c, -b), (-b, a))) @ t.T / det
+    if det > 1e-16 * (a * c):
+        out[0] = (c * t[:, 0] - b * t[:, 1]) / det
+        out[1] = (a * t[:, 1] - b * t[:, 0]) / det
+    return out
 
 
 @kernel
