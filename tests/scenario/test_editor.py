@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import COMPLETE
 
 from wbc import resources
 from wbc.scenario import json_schema
 from wbc.scenario.kinds import COSTS, SURFACES, TASKS
 from wbc.scenario.located import read_text
+
+from .hold import COMPLETE
 
 COMMITTED = Path(__file__).resolve().parents[2] / "docs" / "scenario.schema.json"
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from conftest import COMPLETE
+
+from .hold import COMPLETE
 
 Broken = Callable[[str, str], list[str]]
 Lines = Callable[..., list[str]]

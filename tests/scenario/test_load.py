@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import COMPLETE
 
 from wbc import resources
 from wbc.errors import ScenarioError
@@ -25,6 +24,8 @@ from wbc.scenario.kinds import (
     limit_of,
 )
 from wbc.scenario.wording import Fault
+
+from .hold import COMPLETE
 
 Write = Callable[[str | bytes], Path]
 Lines = Callable[..., list[str]]

@@ -116,9 +116,11 @@ Face: TypeAlias = Annotated[
 ]
 Form: TypeAlias = Literal["settled", "printed"]
 Axis: TypeAlias = Literal["x", "y", "z"]
-Vector3: TypeAlias = Annotated[tuple[Length, ...], Entries(3)]
-Quaternion: TypeAlias = Annotated[tuple[Number, ...], Entries(4), AfterValidator(_direction)]
-Pair: TypeAlias = Annotated[tuple[Text, ...], Entries(2)]
+Vector3: TypeAlias = Annotated[tuple[Length, Length, Length], Entries(3)]
+Quaternion: TypeAlias = Annotated[
+    tuple[Number, Number, Number, Number], Entries(4), AfterValidator(_direction)
+]
+Pair: TypeAlias = Annotated[tuple[Text, Text], Entries(2)]
 Pairs: TypeAlias = tuple[Pair, ...]
 AutoOrPairs: TypeAlias = Annotated[Pairs | None, Prepared(_pairs, lambda: {"const": "auto"})]
 """None stands for auto."""
@@ -131,10 +133,12 @@ PerJoint: TypeAlias = Annotated[
 class Turned(Block):
     """A rotation in space: rpy or a quaternion, neither of them for none."""
 
-    rpy: Annotated[tuple[Angle, ...], Entries(3)] | None = Field(
-        None, description="roll, pitch, yaw about the fixed x, y, z, as in URDF"
+    rpy: Annotated[tuple[Angle, Angle, Angle], Entries(3)] | None = Field(
+        default=None, description="roll, pitch, yaw about the fixed x, y, z, as in URDF"
     )
-    quaternion: Quaternion | None = Field(None, description="[x, y, z, w]; normalised when read")
+    quaternion: Quaternion | None = Field(
+        default=None, description="[x, y, z, w]; normalised when read"
+    )
 
     @property
     def xyzw(self) -> tuple[float, float, float, float]:
@@ -169,7 +173,7 @@ class Pose(Turned):
     """In the plane: position [x, y] and angle. In space: [x, y, z] and rpy or quaternion."""
 
     position: Annotated[tuple[Length, ...], Entries(2, 3)]
-    angle: Angle | None = Field(None, description="about z; in the plane only")
+    angle: Angle | None = Field(default=None, description="about z; in the plane only")
 
     @property
     def planar(self) -> bool:

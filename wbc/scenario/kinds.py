@@ -29,7 +29,7 @@ from wbc.scenario.units import (
 )
 
 Exponent: TypeAlias = Annotated[float, Quantity("number", least=2.0)]
-Size3: TypeAlias = Annotated[tuple[PositiveLength, ...], Entries(3)]
+Size3: TypeAlias = Annotated[tuple[PositiveLength, PositiveLength, PositiveLength], Entries(3)]
 Axes: TypeAlias = Annotated[tuple[Axis, ...], Entries(1, 3)]
 Measure: TypeAlias = Literal["norm", "squared"]
 
@@ -159,7 +159,7 @@ class BoxSpec(SurfaceSpec):
     size: Size3
 
 
-AnySurface: TypeAlias = (
+AnySurface: TypeAlias = Annotated[
     CircleSpec
     | EllipseSpec
     | SuperellipseSpec
@@ -168,8 +168,9 @@ AnySurface: TypeAlias = (
     | SpheroidSpec
     | CylinderSpec
     | SuperellipsoidSpec
-    | BoxSpec
-)
+    | BoxSpec,
+    Field(discriminator="type"),
+]
 
 
 class TaskSpec(Block):
@@ -177,7 +178,7 @@ class TaskSpec(Block):
 
     gain: Rate = Field(description="K: the error decays as exp(-gain t)")
     saturation: PositiveNumber | None = Field(
-        None, description="largest norm of the error that is acted on"
+        default=None, description="largest norm of the error that is acted on"
     )
 
 
@@ -211,7 +212,7 @@ class ManipulabilitySpec(TaskSpec):
     type: Literal["manipulability"]
     threshold: PositiveNumber
     band: PositiveNumber = Field(description="over how much shortfall the task fades in")
-    fingers: tuple[str, ...] | None = Field(None, description="all of them when not given")
+    fingers: tuple[str, ...] | None = Field(default=None, description="all of them when not given")
     measure: Literal["shortfall", "squared"] = "shortfall"
 
 
@@ -221,7 +222,7 @@ class PalmDistanceSpec(TaskSpec):
 
     type: Literal["palm_distance"]
     frame: str
-    region: AnySurface = Field(discriminator="type")
+    region: AnySurface
     band: PositiveLength = Field(description="over what depth inside the region the task fades in")
 
 
@@ -269,7 +270,7 @@ class PostureSpec(TaskSpec):
 
     type: Literal["posture"]
     target: PerJoint | None = None
-    joints: tuple[str, ...] | None = Field(None, description="all of them when not given")
+    joints: tuple[str, ...] | None = Field(default=None, description="all of them when not given")
 
 
 @final
@@ -281,7 +282,7 @@ class CenterOfMassSpec(TaskSpec):
     axes: Axes = ("x", "y", "z")
 
 
-AnyTask: TypeAlias = (
+AnyTask: TypeAlias = Annotated[
     ObjectPoseSpec
     | EquilibriumForceSpec
     | EquilibriumMomentSpec
@@ -292,14 +293,15 @@ AnyTask: TypeAlias = (
     | FrameOrientationSpec
     | RelativePoseSpec
     | PostureSpec
-    | CenterOfMassSpec
-)
+    | CenterOfMassSpec,
+    Field(discriminator="type"),
+]
 
 
 class CostSpec(Block):
     """What every cost has."""
 
-    weight: NonNegative = Field(1.0, description="gamma of the sum of costs")
+    weight: NonNegative = Field(default=1.0, description="gamma of the sum of costs")
     form: Form = "settled"
 
 
@@ -321,11 +323,13 @@ class CollisionSpec(CostSpec):
     type: Literal["collision"]
     safety_distance: PositiveLength
     stiffness: PositiveNumber = 1.0
-    floor: Distance | None = Field(None, description="distance below which the cost rises no more")
-    pairs: AutoOrPairs = Field(None, description="auto: those of the robot")
+    floor: Distance | None = Field(
+        default=None, description="distance below which the cost rises no more"
+    )
+    pairs: AutoOrPairs = Field(default=None, description="auto: those of the robot")
 
 
-AnyCost: TypeAlias = JointLimitsSpec | CollisionSpec
+AnyCost: TypeAlias = Annotated[JointLimitsSpec | CollisionSpec, Field(discriminator="type")]
 
 
 def limit_of(values: PerJoint, joint: str) -> Coordinate | None:
@@ -334,7 +338,7 @@ def limit_of(values: PerJoint, joint: str) -> Coordinate | None:
 
 
 def _by_type(union: object) -> dict[str, type[Block]]:
-    members: tuple[type[Block], ...] = get_args(union)
+    members: tuple[type[Block], ...] = get_args(get_args(union)[0])
     return {get_args(m.model_fields["type"].annotation)[0]: m for m in members}
 
 

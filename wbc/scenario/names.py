@@ -112,9 +112,9 @@ def _links(scenario: Scenario, links: Collection[str], faults: Faults) -> None:
             faults.add(path, "pairs a link with itself")
 
 
-def _pairs(scenario: Scenario) -> Iterator[tuple[KeyPath, tuple[str, ...]]]:
+def _pairs(scenario: Scenario) -> Iterator[tuple[KeyPath, tuple[str, str]]]:
     collisions = scenario.robot.collisions
-    lists: list[tuple[KeyPath, Iterable[tuple[str, ...]]]] = [
+    lists: list[tuple[KeyPath, Iterable[tuple[str, str]]]] = [
         (("robot", "collisions", "pairs"), collisions.pairs or ()),
         (("robot", "collisions", "ignore"), collisions.ignore),
     ]

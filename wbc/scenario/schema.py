@@ -46,8 +46,10 @@ ContactType: TypeAlias = Literal["fixed", "sliding"]
 class Collisions(Block):
     """Which bodies are watched for collision."""
 
-    pairs: AutoOrPairs = Field(None, description="auto: all that can meet, fewer those of the SRDF")
-    ignore: Pairs = Field((), description="pairs of links to leave out")
+    pairs: AutoOrPairs = Field(
+        default=None, description="auto: all that can meet, fewer those of the SRDF"
+    )
+    ignore: Pairs = Field(default=(), description="pairs of links to leave out")
 
 
 @final
@@ -56,12 +58,12 @@ class Robot(Block):
 
     urdf: Text = Field(description="a name in urdf/, or a path beside this file")
     srdf: Text | None = None
-    fingers: Mapping[str, Text] = Field({}, description="finger: frame of its tip")
+    fingers: Mapping[str, Text] = Field(default={}, description="finger: frame of its tip")
     start: Mapping[str, JointValue] = Field(
-        {}, description="joint: position; fingers that hold are then closed on the object"
+        default={}, description="joint: position; fingers that hold are then closed on the object"
     )
     metric: Mapping[str, PositiveNumber] = Field(
-        {}, description="joint: weight in the pseudo-inverse, 1 where not given"
+        default={}, description="joint: weight in the pseudo-inverse, 1 where not given"
     )
     collisions: Collisions = Field(default_factory=Collisions)
 
@@ -70,7 +72,7 @@ class Robot(Block):
 class Object(Block):
     """The object that the fingers hold."""
 
-    surface: AnySurface = Field(discriminator="type")
+    surface: AnySurface
     pose: Pose
 
 
@@ -81,10 +83,10 @@ class Contact(Block):
     at: Annotated[tuple[JointValue, ...], Entries(1, 2)] = Field(
         description="chart coordinates of the surface, one in the plane, two in space"
     )
-    face: Face | None = Field(None, description="index or name of the surface's chart")
+    face: Face | None = Field(default=None, description="index or name of the surface's chart")
     stiffness: Stiffness = 5e4
     rest_length: Distance = 5e-3
-    force: Force = Field(0.0, description="normal force wanted at the start")
+    force: Force = Field(default=0.0, description="normal force wanted at the start")
 
 
 @final
@@ -95,7 +97,7 @@ class Stack(Block):
     priority: Annotated[tuple[str, ...], Entries(1, 0)] = Field(
         description="tasks, the main one first"
     )
-    gradient_gain: NonNegative = Field(0.1, description="how fast the costs descend")
+    gradient_gain: NonNegative = Field(default=0.1, description="how fast the costs descend")
 
 
 @final
@@ -104,9 +106,11 @@ class Supervisor(Block):
 
     remove_above: PositiveNumber = 0.05
     insert_below: PositiveNumber = 0.02
-    horizon: PositiveTime = Field(0.02, description="how far ahead the cost is predicted")
-    smoothing: RateOrOff = Field(20.0, description="rate of the smooth switch; off: at once")
-    dwell: Time = Field(0.0, description="shortest time between two switches of one task")
+    horizon: PositiveTime = Field(default=0.02, description="how far ahead the cost is predicted")
+    smoothing: RateOrOff = Field(
+        default=20.0, description="rate of the smooth switch; off: at once"
+    )
+    dwell: Time = Field(default=0.0, description="shortest time between two switches of one task")
 
 
 @final
@@ -115,7 +119,7 @@ class Limits(Block):
 
     acceleration: AngularAcceleration | None = None
     velocity_scale: Annotated[float, Quantity("number", above=0.0, most=1.0)] = Field(
-        1.0, description="fraction of the URDF's velocity limits that may be used"
+        default=1.0, description="fraction of the URDF's velocity limits that may be used"
     )
 
 
@@ -132,9 +136,12 @@ class Motion(Block):
 
     target: Pose
     relative: Flag = Field(
-        False, description="target is a displacement from the pose at the start of the phase"
+        default=False,
+        description="target is a displacement from the pose at the start of the phase",
     )
-    over: PositiveTime | None = Field(None, description="duration; that of the phase if not given")
+    over: PositiveTime | None = Field(
+        default=None, description="duration; that of the phase if not given"
+    )
 
 
 @final
@@ -142,10 +149,12 @@ class Until(Block):
     """When a phase is over: when all of these hold."""
 
     time: Time | None = None
-    residual: Mapping[str, PositiveNumber] = Field({}, description="task: norm of its error")
-    tip_error: PositiveLength | None = Field(None, description="of the fingers that reach")
+    residual: Mapping[str, PositiveNumber] = Field(
+        default={}, description="task: norm of its error"
+    )
+    tip_error: PositiveLength | None = Field(default=None, description="of the fingers that reach")
     distance: PositiveLength | None = Field(
-        None, description="of the fingers that reach, from the object"
+        default=None, description="of the fingers that reach, from the object"
     )
     force_closure: Flag | None = None
 
@@ -165,11 +174,15 @@ class Phase(Block):
     name: Text
     contacts: Mapping[str, ContactType] = {}
     reach: Mapping[str, Reach] = {}
-    tasks: tuple[str, ...] = Field((), description="beside the main task")
-    force: Mapping[str, Force] = Field({}, description="finger: normal force at the end")
+    tasks: tuple[str, ...] = Field(default=(), description="beside the main task")
+    force: Mapping[str, Force] = Field(default={}, description="finger: normal force at the end")
     object: Motion | None = None
-    over: PositiveTime | None = Field(None, description="duration of what moves in this phase")
-    until: Until | None = Field(None, description="all must hold; the end of the run if not given")
+    over: PositiveTime | None = Field(
+        default=None, description="duration of what moves in this phase"
+    )
+    until: Until | None = Field(
+        default=None, description="all must hold; the end of the run if not given"
+    )
     timeout: Timeout | None = None
 
 
@@ -192,8 +205,8 @@ class Scenario(Block):
     robot: Robot
     object: Object | None = None
     contacts: Mapping[str, Contact] = {}
-    tasks: Mapping[str, Annotated[AnyTask, Field(discriminator="type")]]
-    costs: Mapping[str, Annotated[AnyCost, Field(discriminator="type")]] = {}
+    tasks: Mapping[str, AnyTask]
+    costs: Mapping[str, AnyCost] = {}
     stack: Stack
     supervisor: Supervisor = Field(default_factory=Supervisor)
     limits: Limits = Field(default_factory=Limits)

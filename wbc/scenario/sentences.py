@@ -189,11 +189,11 @@ def _keys(path: KeyPath, data: Any) -> list[str]:
     model: Any = Scenario
     for end, part in enumerate(path):
         model = _resolve(model, _at(data, path[:end]))
-        if isinstance(model, type) and issubclass(model, Block):
-            model = model.model_fields[str(part)].annotation
+        arguments = get_args(model)
+        if arguments:
+            model = arguments[0] if get_origin(model) is tuple else arguments[1]
         else:
-            arguments = get_args(model)
-            model = arguments[1] if get_origin(model) is not tuple else arguments[0]
+            model = model.model_fields[str(part)].annotation
     model = _resolve(model, _at(data, path))
     return list(model.model_fields)
 

@@ -89,6 +89,9 @@ class Coordinate(NamedTuple):
     value: float
     dimension: str
 
+    def __float__(self) -> float:
+        return self.value
+
 
 class QuantityError(ValueError):
     """A quantity that cannot be read; the text says why."""
