@@ -10,6 +10,8 @@ import numpy as np
 
 from wbc.arrays import Array, IntArray
 from wbc.contact.surfaces import Surface
+from wbc.contact.surfaces.circle import Circle
+from wbc.contact.surfaces.sphere import Sphere
 
 
 class ContactMode(IntEnum):
@@ -59,6 +61,13 @@ class Grasp:
     def n_rows(self) -> int:
         """Rows of (33) per finger: 3 in the plane, 6 in space."""
         return 3 if self.planar else 6
+
+
+def no_grasp(planar: bool) -> Grasp:
+    """A grasp without fingers, for scenarios without an object."""
+    none = np.zeros(0)
+    surface = Circle(1.0) if planar else Sphere(1.0)  # never evaluated at a contact
+    return Grasp(surface, (), np.zeros((0, 2)), np.zeros(0, dtype=np.int64), none, none, planar)
 
 
 class ContactState(NamedTuple):

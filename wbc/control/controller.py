@@ -144,7 +144,7 @@ class Controller:
             v=rates[: len(q)],
             rates=rates,
             contact=contact._replace(pivot=pivot),
-            activation=gains.start(tasks),
+            activation=self._start_gains(first.wanted),
             stack=StackState(first.wanted, np.ones(tasks, dtype=np.bool_), -np.inf, 0),
             order=order,
             next_order=None,
@@ -152,6 +152,13 @@ class Controller:
             phase=PhaseState(0, 0.0, motion, False, False, ()),
             targets=tuple(task.target for task in law.stack.tasks),
         )
+
+    def _start_gains(self, wanted: BoolArray) -> gains.Activation:
+        """Every gain at 0, but 1 for tips that reach: their references start at rest where they are."""
+        rho = np.zeros(len(wanted))
+        tips = list(self._tips)
+        rho[tips] = wanted[tips]
+        return gains.Activation(rho, rho)
 
     def insert(self, state: ControllerState, task: str) -> ControllerState:
         """Ask for a task from the next tick on; it fades in. The next phase asks anew."""

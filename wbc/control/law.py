@@ -95,7 +95,7 @@ class Law:
         descent = (self.gradient_gain * self.gradient) * scale
         self.rank, self.independence = solve_stack(
             rows, kin.rhs, stack.jacobian, stack.rhs, stack.row_activation, stack.level_start,
-            stack.level_size, order, activation, descent, self._basis, self._taken, self._share,
+            stack.level_size, stack.exact, order, activation, descent, self._basis, self._taken, self._share,
             self._main, self._total, self.freedom,
         )  # fmt: skip
         main = self._main * scale

@@ -13,6 +13,7 @@ from wbc.contact.grasp import ContactMode, ContactState
 from wbc.control.references import Motion
 from wbc.control.observe import Seen
 from wbc.control.state import PhaseState
+from wbc.rotations import log_so3
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,19 @@ class ExitCondition:
     object_error: float | None = None
 
 
+class ObjectMotion(NamedTuple):
+    """A motion of the object.
+
+    Attributes:
+        position: (3,) [m], rotation: (3, 3): the pose at the end, or the displacement to it.
+        relative: a displacement from the pose at the start, in the world's axes.
+    """
+
+    position: Array
+    rotation: Array
+    relative: bool
+
+
 @dataclass(frozen=True)
 class Phase:
     """One phase.
@@ -46,8 +60,7 @@ class Phase:
         reach: (N,) clearance outside the surface that a free tip goes to, [m]; NaN: it does not reach.
         wanted: (M,) tasks asked for, tips included.
         pad: (N,) l − Δl at the end of the phase, [m].
-        object_position: (3,) where the object goes, [m]; None: it stays.
-        object_turn: (3,) rotation vector it turns by, world axes, [rad]; None: none.
+        object_motion: where the object goes; None: it stays.
         over: duration of the phase's motions, [s].
         until: exit condition.
         timeout: time after which the phase has failed, [s].
@@ -59,8 +72,7 @@ class Phase:
     reach: Array
     wanted: BoolArray
     pad: Array
-    object_position: Array | None = None
-    object_turn: Array | None = None
+    object_motion: ObjectMotion | None = None
     over: float = 0.5
     until: ExitCondition = field(default_factory=ExitCondition)
     timeout: float = np.inf
@@ -107,10 +119,13 @@ class PhaseSequence:
             position[:] = kin.reference.position
         else:
             position[:] = kin.object_position
-        if phase.object_position is not None:
-            position[1] = phase.object_position
-        if phase.object_turn is not None:
-            turn = np.array(phase.object_turn)
+        goal = phase.object_motion
+        if goal is not None and goal.relative:
+            position[1] += goal.position
+            turn = log_so3(goal.rotation)
+        elif goal is not None:
+            position[1] = goal.position
+            turn = log_so3(goal.rotation @ rotation.T)
         reach = np.stack([np.array(kin.reference.reach), phase.pad])
         tips = np.zeros((2, n, 3))
         for i in range(n):

@@ -46,6 +46,7 @@ class TaskStack:
         )
         self.gain = np.array([self.tasks[k].gain for k in self.level_task])
         self.saturation = np.array([self.tasks[k].saturation for k in self.level_task])
+        self.exact = np.array([self.tasks[k].exact_share for k in self.level_task])
         self.scale: Array = 1.0 / np.sqrt(metric)
         self.jacobian_ext: Array = np.zeros((start, nv + 2 * fingers))
         self.error: Array = np.zeros(start)

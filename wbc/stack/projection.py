@@ -23,11 +23,11 @@ import numpy as np
 from wbc.compiled import kernel
 
 # Of a row's squared length, what the levels above leave free of it (fading set aside): below CUT the
-# direction counts as taken, from FULL on it is used fully. From EXACT on the gain is exact; below, the
-# inverse is bounded: no level moves more than twice as fast as its rows alone would.
+# direction counts as taken, from FULL on it is used fully. From the level's own share `exact` on its
+# gain is exact; below, the inverse is bounded: no row moves the joints more than 1.1 / √exact times
+# as fast as it would alone.
 _CUT = 1e-6
 _FULL = 1e-4
-_EXACT = 0.3
 # Less than this of a row's squared length left by fading: nothing to compute with.
 _NOTHING = 1e-12
 # Main task: a row whose part independent of the rows before it is shorter than this ratio is
@@ -109,7 +109,7 @@ def _project(x, basis, rank, taken, share, count):  # type: ignore[no-untyped-de
 
 
 @kernel
-def _share_of(d, gg, size):  # type: ignore[no-untyped-def]
+def _share_of(d, gg, size, exact):  # type: ignore[no-untyped-def]
     """φ and the factor on g, for d = j N jᵀ, gg = |N jᵀ|², size = |j|²: cut, bound and fading."""
     if d <= _NOTHING * size:
         return 0.0, 0.0
@@ -117,20 +117,20 @@ def _share_of(d, gg, size):  # type: ignore[no-untyped-def]
     if free <= _CUT:
         return 0.0, 0.0
     phi = _smooth((free - _CUT) / (_FULL - _CUT))
-    share = free / _EXACT
+    share = free / exact
     bounded = 1.0 if share >= 1.0 else share * (2.0 - share)  # meets 1 with a continuous slope
     return phi, phi * gg / (d * d) * bounded
 
 
 @kernel
-def _add_direction(row, missing, activation, basis, rank, taken, share, count, v):  # type: ignore[no-untyped-def]
+def _add_direction(row, missing, activation, exact, basis, rank, taken, share, count, v):  # type: ignore[no-untyped-def]
     """One row as a level of its own: adds its motion to v and takes its direction. Returns count, φ."""
     size = np.sum(row * row)
     if size < 1e-24 or activation <= 0.0:
         return count, 0.0
     g = _project(row, basis, rank, taken, share, count)
     d = np.sum(row * g)
-    phi, factor = _share_of(d, np.sum(g * g), size)
+    phi, factor = _share_of(d, np.sum(g * g), size, exact)
     if phi == 0.0:
         return count, 0.0
     v += (activation * missing * factor) * g
@@ -140,7 +140,7 @@ def _add_direction(row, missing, activation, basis, rank, taken, share, count, v
 
 
 @kernel
-def _add_block(rows, missing, activation, basis, rank, taken, share, count, v):  # type: ignore[no-untyped-def]
+def _add_block(rows, missing, activation, exact, basis, rank, taken, share, count, v):  # type: ignore[no-untyped-def]
     """A level of several rows: along the eigenvectors of J N Jᵀ, each cut and damped on its own."""
     m = rows.shape[0]
     g = np.zeros(rows.shape)
@@ -157,7 +157,7 @@ def _add_block(rows, missing, activation, basis, rank, taken, share, count, v): 
     for k in range(m - 1, -1, -1):
         along = np.ascontiguousarray(vectors[:, k])
         direction = along @ g
-        phi, factor = _share_of(values[k], np.sum(direction * direction), size)
+        phi, factor = _share_of(values[k], np.sum(direction * direction), size, exact)
         least = min(least, phi)
         if phi == 0.0:
             continue
@@ -177,6 +177,7 @@ def solve_stack(
     row_activation,
     start,
     size,
+    exact,
     order,
     activation,
     gradient,
@@ -194,6 +195,7 @@ def solve_stack(
         jacobian, rhs: (R, n), (R,) rows of all levels.
         row_activation: (R,) in [0, 1]; for a level of several rows the first row's counts.
         start, size: (L,) first row and number of rows of each level.
+        exact: (L,) free share of a row from which the level's gain is exact.
         order: (L',) levels from the highest priority down.
         activation: (L,) ρ of each level.
         gradient: (n,) k_∇ ∇C, descended in what is left.
@@ -214,12 +216,12 @@ def solve_stack(
         if size[level] == 1:
             missing = rhs[first] - np.sum(jacobian[first] * v)
             count, freedom[level] = _add_direction(
-                jacobian[first], missing, rho, basis, rank, taken, share, count, v
+                jacobian[first], missing, rho, exact[level], basis, rank, taken, share, count, v
             )
         else:
             rows = jacobian[first:last]
             count, freedom[level] = _add_block(
-                rows, rhs[first:last], rho, basis, rank, taken, share, count, v
+                rows, rhs[first:last], rho, exact[level], basis, rank, taken, share, count, v
             )
     v -= _project(gradient, basis, rank, taken, share, count)
     return rank, smallest

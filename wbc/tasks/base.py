@@ -64,6 +64,14 @@ class Task(ABC):
         return False
 
     @property
+    def exact_share(self) -> float:
+        """Share of a row's squared length that higher priorities must leave for its gain to be exact.
+
+        With less, the task slows rather than drive the joints hard to get its way.
+        """
+        return 0.1
+
+    @property
     def target(self) -> Array | None:
         """The target from the definition (None: the task has none); may be replaced at run time."""
         return None

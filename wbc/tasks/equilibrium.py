@@ -17,6 +17,10 @@ from wbc.tasks.base import Task, TaskRows
 # residual is zero, but the direction in which it can vary is not.
 _DIRECTION_FLOOR = 1e-9
 
+# On its way to the goal the moment's row can become parallel to the force's: two sliding fingers give
+# both no more than two degrees of freedom. Through such a place the moment waits.
+_EXACT_SHARE = 0.3
+
 
 @kernel
 def _direction(f: Array, jacobian: Array) -> Array:
@@ -91,6 +95,10 @@ class EquilibriumForce(Task):
     def rows(self) -> int:
         return 1
 
+    @property
+    def exact_share(self) -> float:
+        return _EXACT_SHARE
+
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
         _force_row(
             kin.charts, kin.frame, kin.normal_xi, self.squared, kin.robot.model.nv,
@@ -111,6 +119,10 @@ class EquilibriumMoment(Task):
     @property
     def rows(self) -> int:
         return 1
+
+    @property
+    def exact_share(self) -> float:
+        return _EXACT_SHARE
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
         _moment_row(

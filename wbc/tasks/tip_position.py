@@ -64,6 +64,11 @@ class TipPosition(Task):
     def separate(self) -> bool:
         return True
 
+    @property
+    def exact_share(self) -> float:
+        """Held like the main task, of which its rows are the free fingers' part."""
+        return 1e-3
+
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
         _tip_rows(
             kin.robot.position[self.finger], kin.robot.linear[self.finger], self.finger,

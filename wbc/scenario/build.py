@@ -1,0 +1,242 @@
+"""From a checked scenario to the controller that runs it: every name resolved, every error found."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc import resources
+from wbc.arrays import Array
+from wbc.contact.extended_finger import ExtendedKinematics
+from wbc.contact.grasp import ContactMode, ContactState, Grasp, no_grasp
+from wbc.contact.surfaces import SURFACES, Surface
+from wbc.control.controller import Controller, Settings
+from wbc.control.law import CostForecast, Law
+from wbc.control.setup import close_grasp
+from wbc.control.state import ControllerState
+from wbc.control.task_stack import TaskStack
+from wbc.errors import ScenarioError, UrdfError, WbcError
+from wbc.robot.distances import Distances
+from wbc.robot.kinematics import Kinematics
+from wbc.robot.model import RobotModel, load_robot
+from wbc.robot.pruning import PairReport
+from wbc.rotations import rotation_from_quaternion
+from wbc.scenario.build_costs import build_costs, watched_pairs
+from wbc.scenario.build_phases import build_phases
+from wbc.scenario.build_tasks import build_tasks, tracked_frames
+from wbc.scenario.kinds import BoxSpec, ObjectPoseSpec, SuperellipsoidSpec, SurfaceSpec
+from wbc.scenario.load import Loaded
+from wbc.scenario.names import check_names
+from wbc.scenario.schema import Scenario
+from wbc.stack.supervisor import Supervisor
+
+_NO_GAIN = 1.0  # of the main task where there is no object: it has no rows
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A scenario ready to run.
+
+    Attributes:
+        loaded: the file.
+        model: the robot.
+        controller: the tick.
+        start: its first state, fingers closed on the object.
+        pairs: what became of the collision pairs; None where no cost watches any.
+        main_task: name of the object task; None where the scenario has none.
+    """
+
+    loaded: Loaded
+    model: RobotModel
+    controller: Controller
+    start: ControllerState
+    pairs: PairReport | None
+    main_task: str | None
+
+    @property
+    def ticks(self) -> int:
+        """Ticks of the simulated run."""
+        simulation = self.loaded.scenario.simulation
+        return max(1, round(simulation.duration / simulation.step))
+
+
+def build(loaded: Loaded) -> Assembly:
+    """Assemble robot, grasp, tasks, costs, phases and controller.
+
+    Raises:
+        ScenarioError: names that the robot does not have, values that do not fit it.
+        UrdfError: the robot's file.
+        SetupError: the fingers cannot be closed on the object at the start.
+    """
+    scenario = loaded.scenario
+    model = _robot(loaded)
+    links = {f.name for f in model.pin_model.frames if "BODY" in str(f.type)}
+    prismatic = [
+        name
+        for name, joint in zip(model.joint_names, list(model.pin_model.joints)[1:], strict=True)
+        if "JointModelP" in joint.shortname()
+    ]
+    faults = check_names(scenario, model.joint_names, model.frame_names, links, prismatic)
+    if faults:
+        raise loaded.error(faults)
+    try:
+        return _assemble(loaded, model)
+    except ScenarioError:
+        raise
+    except WbcError as error:
+        raise (
+            type(error)(f"{loaded.source.shown}: {error}")
+            if type(error) is not WbcError
+            else (ScenarioError(f"{loaded.source.shown}: {error}"))
+        ) from error
+
+
+def _assemble(loaded: Loaded, model: RobotModel) -> Assembly:
+    scenario = loaded.scenario
+    grasp = build_grasp(scenario, model)
+    frames = tracked_frames(scenario, grasp)
+    com = any(spec.type == "center_of_mass" for spec in scenario.tasks.values())
+    main, secondary = _priority(scenario)
+    kin = ExtendedKinematics(
+        Kinematics(model, frames, track_com=com),
+        grasp,
+        scenario.tasks[main].gain if main else _NO_GAIN,
+    )
+    q_start = _start(scenario, model)
+    tasks = build_tasks(scenario, secondary, kin, q_start)
+    metric = np.array([scenario.robot.metric.get(j, 1.0) for j in model.joint_names])
+    stack = TaskStack(tasks, grasp.count, metric)
+    scene, report = watched_pairs(scenario, loaded.path, model, grasp)
+    costs = build_costs(scenario, model, scene)
+    distances = Distances(scene) if scene is not None else None
+    law = Law(kin, stack, costs, distances, scenario.stack.gradient_gain)  # fmt: skip
+    forecast = CostForecast(
+        tuple(costs), Kinematics(model, ()), Distances(scene) if scene is not None else None
+    )
+    settings = scenario.supervisor
+    controller = Controller(
+        law,
+        forecast,
+        Supervisor(settings.remove_above, settings.insert_below, settings.horizon, settings.dwell),
+        build_phases(scenario, grasp, [task.name for task in tasks]),
+        tuple(range(len(secondary))),
+        _settings(scenario, model),
+    )
+    place_object(kin, scenario, controller)
+    first = controller.phases.phases[0]
+    contact = ContactState(first.mode, np.array(grasp.at), np.tile(np.eye(3), (grasp.count, 1, 1)))
+    q0 = close_grasp(kin, q_start, contact)
+    return Assembly(loaded, model, controller, controller.init(q0), report, main)
+
+
+def _robot(loaded: Loaded) -> RobotModel:
+    name = loaded.scenario.robot.urdf
+    beside = loaded.path.parent / name
+    for candidate in (beside, beside.with_name(beside.name + ".urdf")):
+        if candidate.is_file():
+            return load_robot(candidate)
+    try:
+        return load_robot(resources.find("urdf", name))
+    except UrdfError:
+        raise
+    except WbcError as error:
+        raise ScenarioError(f"{loaded.locate(('robot', 'urdf'))}: {error}") from None
+
+
+def _priority(scenario: Scenario) -> tuple[str | None, list[str]]:
+    """The object task, if it leads the stack, and the tasks after it."""
+    names = list(scenario.stack.priority)
+    if isinstance(scenario.tasks[names[0]], ObjectPoseSpec):
+        return names[0], names[1:]
+    return None, names
+
+
+def build_surface(spec: SurfaceSpec) -> Surface:
+    """The surface that a block describes. Raises WbcError where its sizes make no surface."""
+    fields = spec.model_dump(exclude={"type"})
+    if isinstance(spec, SuperellipsoidSpec):
+        ax, ay, az = (0.5 * size for size in spec.size)
+        fields = {"ax": ax, "ay": ay, "az": az, "p": spec.exponent}
+    elif isinstance(spec, BoxSpec):
+        fields = {"size": tuple(spec.size)}
+    elif "exponent" in fields:
+        fields["p"] = fields.pop("exponent")
+    return SURFACES[spec.model_dump()["type"]](**fields)
+
+
+def build_grasp(scenario: Scenario, model: RobotModel) -> Grasp:
+    """Object and fingers; a grasp without fingers where the scenario has no object."""
+    if scenario.object is None:
+        return no_grasp(model.planar)
+    surface = build_surface(scenario.object.surface)
+    if surface.planar and not model.planar:
+        raise ScenarioError(
+            "the object is a planar contour, but the robot moves in space (use a 3-D surface)"
+        )
+    fingers = tuple(scenario.contacts)
+    at = np.zeros((len(fingers), 2))
+    face = np.zeros(len(fingers), dtype=np.int64)
+    for i, name in enumerate(fingers):
+        contact = scenario.contacts[name]
+        at[i, : len(contact.at)] = [x.value for x in contact.at]
+        if contact.face is not None:
+            face[i] = (
+                surface.faces.index(contact.face) if isinstance(contact.face, str) else contact.face
+            )
+    specs = [scenario.contacts[name] for name in fingers]
+    return Grasp(
+        surface=surface,
+        fingers=fingers,
+        at=at,
+        face=face,
+        stiffness=np.array([c.stiffness for c in specs], dtype=np.float64),
+        rest_length=np.array([c.rest_length for c in specs], dtype=np.float64),
+        planar=surface.planar,
+    )
+
+
+def place_object(kin: ExtendedKinematics, scenario: Scenario, controller: Controller) -> None:
+    """Put the object's reference where the scenario starts, pads pressed as in the first phase."""
+    if scenario.object is None:
+        return
+    pose = scenario.object.pose
+    kin.reference = kin.reference._replace(
+        position=np.array(pose.xyz, dtype=np.float64),
+        rotation=rotation_from_quaternion(np.array(pose.xyzw)),
+        reach=np.array(controller.phases.phases[0].pad),
+    )
+
+
+def _start(scenario: Scenario, model: RobotModel) -> Array:
+    q = np.clip(np.zeros(model.nv), model.lower, model.upper)
+    for name, value in scenario.robot.start.items():
+        j = model.joint(name)
+        q[j] = value.value
+        if not model.lower[j] <= q[j] <= model.upper[j]:
+            low, high = model.lower[j], model.upper[j]
+            raise ScenarioError(
+                f"robot.start: joint '{name}' at {q[j]:.4g} is outside its limits "
+                f"[{low:.4g}, {high:.4g}]"
+            )
+    return q
+
+
+def _settings(scenario: Scenario, model: RobotModel) -> Settings:
+    limits = scenario.limits
+    rate = scenario.supervisor.smoothing
+    return Settings(
+        dt=scenario.simulation.step,
+        runge_kutta=scenario.simulation.integrator == "rk4",
+        smoothing=math.inf if rate is None else float(rate),
+        lower=model.lower,
+        upper=model.upper,
+        velocity=model.velocity * limits.velocity_scale,
+        acceleration=np.full(
+            model.nv, math.inf if limits.acceleration is None else limits.acceleration
+        ),
+    )
+
+
+__all__ = ["Assembly", "ContactMode", "build", "build_grasp", "build_surface"]

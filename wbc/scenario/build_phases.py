@@ -1,0 +1,87 @@
+"""Phase blocks to the sequence of phases."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wbc.arrays import Array
+from wbc.contact.grasp import ContactMode, Grasp
+from wbc.control.phases import ExitCondition, ObjectMotion, Phase, PhaseSequence
+from wbc.rotations import rotation_from_quaternion
+from wbc.scenario import schema
+from wbc.scenario.schema import Scenario
+
+FORCE_CLOSURE = 1e-6
+"""ε_f and ε_m below which a grasp counts as in unit frictionless equilibrium."""
+
+_AT_ONCE = 1e-3  # duration where nothing moves, [s]
+
+
+def build_phases(scenario: Scenario, grasp: Grasp, tasks: list[str]) -> PhaseSequence:
+    """The phases in order; one that never ends where the scenario lists none.
+
+    Args:
+        tasks: names of the stack's secondary tasks, then of the fingers' tip tasks.
+    """
+    specs = scenario.phases or (
+        schema.Phase(name="run", tasks=tuple(tasks[: len(tasks) - grasp.count])),
+    )
+    force = np.array([scenario.contacts[name].force for name in grasp.fingers], dtype=np.float64)
+    phases = []
+    for spec in specs:
+        for name, value in spec.force.items():
+            force[grasp.fingers.index(name)] = value
+        phases.append(_phase(spec, grasp, tasks, force))
+    return PhaseSequence(tuple(phases))
+
+
+def _phase(spec: schema.Phase, grasp: Grasp, tasks: list[str], force: Array) -> Phase:
+    count = grasp.count
+    mode = np.zeros(count, dtype=np.int64)
+    reach = np.full(count, math.nan)
+    for name, kind in spec.contacts.items():
+        mode[grasp.fingers.index(name)] = ContactMode[kind.upper()]
+    for name, goal in spec.reach.items():
+        reach[grasp.fingers.index(name)] = goal.clearance
+    wanted = np.array([name in spec.tasks for name in tasks], dtype=np.bool_)
+    if count:
+        wanted[len(tasks) - count :] = np.isfinite(reach)
+    pressed = np.where(mode != ContactMode.FREE, force / grasp.stiffness, 0.0)
+    return Phase(
+        name=spec.name,
+        mode=mode,
+        reach=reach,
+        wanted=wanted,
+        pad=grasp.rest_length - np.minimum(pressed, grasp.rest_length),
+        object_motion=_object_motion(spec),
+        over=_AT_ONCE if spec.over is None else spec.over,
+        until=_until(spec, tasks),
+        timeout=math.inf if spec.timeout is None else spec.timeout.after,
+        on_timeout="hold" if spec.timeout is None else spec.timeout.then,
+    )
+
+
+def _object_motion(spec: schema.Phase) -> ObjectMotion | None:
+    if spec.object is None:
+        return None
+    target = spec.object.target
+    return ObjectMotion(
+        np.array(target.xyz, dtype=np.float64),
+        rotation_from_quaternion(np.array(target.xyzw)),
+        spec.object.relative,
+    )
+
+
+def _until(spec: schema.Phase, tasks: list[str]) -> ExitCondition:
+    until = spec.until
+    if until is None:
+        return ExitCondition(time=math.inf)
+    return ExitCondition(
+        time=until.time or 0.0,
+        residuals=tuple((tasks.index(name), limit) for name, limit in until.residual.items()),
+        tip_error=until.tip_error,
+        distance=until.distance,
+        force_closure=FORCE_CLOSURE if until.force_closure else None,
+    )
