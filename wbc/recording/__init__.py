@@ -1,0 +1,22 @@
+"""The record of a run: log, summary, plots and picture strip.
+
+`plot` and `draw_strip` are imported on first use: they load matplotlib, which a run has no need of.
+"""
+
+from __future__ import annotations
+
+from wbc.recording.log import Log
+from wbc.recording.meta import RunMeta, installed_versions
+from wbc.recording.outcome import Outcome
+from wbc.recording.recorder import Recorder
+from wbc.recording.summary import summarize, write
+
+__all__ = [
+    "Log",
+    "Outcome",
+    "Recorder",
+    "RunMeta",
+    "installed_versions",
+    "summarize",
+    "write",
+]

@@ -1,0 +1,176 @@
+"""How a run ended, and the one sentence that says why it did not succeed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.arrays import Array, BoolArray, IntArray
+from wbc.control.phases import ExitCondition, Phase, PhaseSequence
+from wbc.control.state import PhaseState, Status
+from wbc.recording.log import Log
+
+_TOLERANCE = 1e-9  # a limit kept to rounding is kept
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the log alone does not tell.
+
+    Attributes:
+        phases: what was asked of each phase; empty where it is not known (a log found on disk).
+        done: the last phase met its exit condition.
+        timeouts: names of the phases that timed out.
+        interrupted: stopped from outside, e.g. by Ctrl-C.
+    """
+
+    phases: tuple[Phase, ...]
+    done: bool
+    timeouts: tuple[str, ...] = ()
+    interrupted: bool = False
+
+    @classmethod
+    def of(cls, phases: PhaseSequence, state: PhaseState, *, interrupted: bool = False) -> Outcome:
+        """The outcome of a run whose controller's last state held `state`."""
+        return cls(phases.phases, state.done, state.timeouts, interrupted)
+
+    @classmethod
+    def from_log(cls, log: Log) -> Outcome:
+        """As far as the log tells it: without the exit conditions."""
+        done = bool(log.ticks and log.status[-1] & Status.DONE)
+        late = np.flatnonzero(log.status & Status.PHASE_TIMEOUT)
+        names: tuple[str, ...] = ()
+        if len(late):
+            names = (log.phase_names[log.phase[max(late[0] - 1, 0)]],)
+        return cls((), done, names, not log.complete)
+
+
+def violations(log: Log) -> list[str]:
+    """Hard limits that were not kept, one sentence each: joints, collision, commands."""
+    found = []
+    meta, dt = log.meta, log.meta.dt
+    if log.ticks and meta.q_lower and meta.q_upper:
+        lower, upper = np.array(meta.q_lower), np.array(meta.q_upper)
+        found += _worst(log, np.maximum(log.q - upper, lower - log.q), "position", "")
+    if log.ticks and meta.v_limit:
+        found += _worst(log, np.abs(log.v) - np.array(meta.v_limit), "velocity", "/s")
+    touching = np.flatnonzero(log.min_distance <= 0.0)
+    if len(touching):
+        k = int(touching[np.argmin(log.min_distance[touching])])
+        found.append(f"parts collided at {log.t[k]:.4g} s ({log.min_distance[k]:.3g} m)")
+    for flag, what in (
+        (Status.BAD_MEASUREMENT, "the measurement was not usable"),
+        (Status.BAD_COMMAND, "the control law gave no finite velocity"),
+    ):
+        ticks = np.flatnonzero(log.status & flag)
+        if len(ticks):
+            found.append(f"{what} from {log.t[ticks[0]]:.4g} s on, {len(ticks) * dt:.4g} s in all")
+    return found
+
+
+def _worst(log: Log, excess: Array, what: str, per: str) -> list[str]:
+    """The largest excess (T, n) over a limit, unless it is rounding."""
+    excess = np.where(np.isnan(excess), np.inf, excess)
+    k, j = np.unravel_index(int(np.argmax(excess)), excess.shape)
+    if excess[k, j] <= _TOLERANCE:
+        return []
+    return [
+        f"joint '{log.joint_names[j]}' was {excess[k, j]:.3g} rad{per} (or m{per}) beyond its "
+        f"{what} limit at {log.t[k]:.4g} s"
+    ]
+
+
+def reason(log: Log, outcome: Outcome) -> str:
+    """Why the run is no success, in one sentence; empty if it is one.
+
+    A success has ended every phase in its time, kept the joints' position and velocity limits,
+    never let two watched parts touch, and never braked for want of a usable measurement or
+    command. The costs' soft thresholds, and joints clipped to their limits, do not decide it.
+    """
+    if not log.ticks:
+        return "no tick was recorded"
+    parts = []
+    if outcome.timeouts:
+        parts.append(_timeout(log, outcome))
+    elif not outcome.done:
+        name = log.phase_names[log.phase[-1]]
+        how = "was interrupted" if outcome.interrupted else "ended"
+        parts.append(
+            f"the run {how} at {log.t[-1] + log.meta.dt:.4g} s in phase '{name}'"
+            + _missing(log, outcome, name, log.ticks - 1)
+        )
+    parts += violations(log)
+    return "; ".join(parts)
+
+
+def _timeout(log: Log, outcome: Outcome) -> str:
+    name = outcome.timeouts[0]
+    timeout = next((p.timeout for p in outcome.phases if p.name == name), math.nan)
+    within = np.flatnonzero(log.phase == log.phase_names.index(name))
+    text = f"phase '{name}' timed out"
+    if not len(within):
+        return text
+    if not math.isfinite(timeout):
+        return text + _missing(log, outcome, name, int(within[-1]))
+    # what it had reached when its time was up, not what it reached while being held after that
+    due = log.t[within] <= log.t[within[0]] + timeout + 1e-9
+    return f"{text} after {timeout:.4g} s" + _missing(log, outcome, name, int(within[due][-1]))
+
+
+def _missing(log: Log, outcome: Outcome, name: str, tick: int) -> str:
+    """What the exit condition of phase `name` still lacked at `tick`; empty if nothing is known."""
+    phase = next((p for p in outcome.phases if p.name == name), None)
+    if phase is None:
+        return ""
+    lacking = _residuals(log, phase.until, tick) + _tips(log, phase, tick)
+    return ": " + ", ".join(lacking) if lacking else ""
+
+
+def _residuals(log: Log, until: ExitCondition, k: int) -> list[str]:
+    """Task errors, force closure and object error above what was asked."""
+    first = int(log.meta.main_task is not None)
+    found = []
+    for task, limit in until.residuals:
+        found += _above(f"error of '{log.task_names[first + task]}'",
+                        log.task_error[k, first + task], limit)  # fmt: skip
+    if until.force_closure is not None:
+        found += _above("eps_f", log.eps_f[k], until.force_closure)
+        found += _above("eps_m", log.eps_m[k], until.force_closure)
+    if until.object_error is not None:
+        errors = log.object_error[k, :, 0]
+        held = errors[~np.isnan(errors)]
+        found += _above("object error [m]", float(held.max(initial=0.0)), until.object_error)
+    return found
+
+
+def _tips(log: Log, phase: Phase, k: int) -> list[str]:
+    """What the tips of free fingers lacked."""
+    if phase.until.tip_error is None and phase.until.distance is None:
+        return []
+    reaching = np.flatnonzero(np.isfinite(phase.reach))
+    worst, free = _worst_tip(log, reaching, k)
+    found = []
+    if phase.until.tip_error is not None and free:
+        found += _above(f"tip error of '{free}' [m]", worst, phase.until.tip_error)
+    if phase.until.distance is not None and free and not found:
+        found.append(
+            f"tips asked to be {phase.until.distance:.3g} m outside the object "
+            f"(the one of '{free}' is {worst:.3g} m from where it should be)"
+        )
+    return found
+
+
+def _worst_tip(log: Log, reaching: IntArray, k: int) -> tuple[float, str]:
+    """The largest tip error among the fingers that reach, and whose it is; tips follow fingers."""
+    usable: BoolArray = reaching < len(log.tip_task_names)
+    reaching = reaching[usable]
+    if not len(reaching):
+        return math.nan, ""
+    worst = int(reaching[np.argmax(log.tip_task_error[k, reaching])])
+    return float(log.tip_task_error[k, worst]), log.contact_names[worst]
+
+
+def _above(what: str, reached: float, needed: float) -> list[str]:
+    return [] if reached <= needed else [f"{what} {reached:.3g}, needed {needed:.3g}"]
