@@ -181,6 +181,22 @@ def test_contacts_need_an_object_and_an_object_pose_first(broken: Broken) -> Non
     ]
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "most"),
+    [("\ntasks:", "\ntaks:", 2), ("\ncontacts:", "\ncontcts:", 4), ("  fingers:", "  fngers:", 2),
+     ("\nobject:", "\nobjct:", 3)],
+)  # fmt: skip
+def test_a_misspelled_block_is_not_missed_line_by_line(
+    broken: Broken, old: str, new: str, most: int
+) -> None:
+    found = broken(old, new)
+    wrong = new.strip(" \n:")
+    assert any(
+        f"unknown key '{wrong}' (did you mean '{old.strip(' :' + chr(10))}'?)" in f for f in found
+    )
+    assert len(found) <= most, found
+
+
 def test_a_reach_and_a_motion_need_a_duration(broken: Broken) -> None:
     assert broken("    over: 1 s\n", "") == [
         "27:5: phases[1].reach: needs 'over' in this phase, the duration of the motion",

@@ -93,7 +93,8 @@ def damaged(seed: int) -> bytes:
     text = resources.find("tasks", "planar_exchange").read_text(encoding="utf-8")
     lines = text.splitlines()
     for mutate in rng.choices(MUTATIONS, k=rng.choice([1, 1, 2, 4])):
-        mutate(lines, rng)
+        if len(lines) > 2:
+            mutate(lines, rng)
     raw = "\n".join(lines).encode()
     if rng.random() < 0.1:
         at = rng.randrange(len(raw))

@@ -1,7 +1,8 @@
 """What spans the blocks of a scenario: names that must exist elsewhere, planar against spatial.
 
 Works on the plain data of the file rather than on the models, so that one bad number does not hide
-the faults of the rest. Whatever has the wrong form is passed over here: the models report it.
+the faults of the rest. Whatever has the wrong form is passed over here: the models report it. A
+block that is missing is reported once, not wherever one of its names is used.
 """
 
 from __future__ import annotations
@@ -68,7 +69,9 @@ def _name(path: KeyPath, name: Any, on: Any, faults: Faults) -> None:
 
 
 def _stack(data: dict[str, Any], faults: Faults) -> None:
-    tasks = mapping(data.get("tasks"))
+    tasks = data.get("tasks")
+    if not isinstance(tasks, dict):
+        return
     seen: set[str] = set()
     for i, name in _texts(mapping(data.get("stack")).get("priority")):
         path = ("stack", "priority", i)
@@ -131,14 +134,17 @@ def _article(kind: str) -> str:
 
 def _contacts(data: dict[str, Any], faults: Faults) -> None:
     contacts = mapping(data.get("contacts"))
-    fingers = mapping(mapping(data.get("robot")).get("fingers"))
+    robot = data.get("robot")
+    fingers = mapping(mapping(robot).get("fingers"))
+    if contacts and isinstance(robot, dict) and "fingers" not in robot:
+        faults.add(("contacts",), "needs 'fingers' in the block 'robot'", on="key")
     if contacts and "object" not in data:
         faults.add(("contacts",), "needs a block 'object'", on="key")
     if contacts and "phases" not in data:
         faults.add(("contacts",), "needs a block 'phases' that says who holds when", on="key")
     surface = _surface(data)
     for finger, contact in contacts.items():
-        if finger not in fingers:
+        if fingers and finger not in fingers:
             faults.unknown(("contacts", finger), "finger", finger, fingers, on="key")
         if surface is not None and isinstance(contact, dict):
             _coordinates(("contacts", finger), contact, surface, faults)
@@ -184,7 +190,23 @@ def _dimension(raw: Any) -> str | None:
 
 def _phase(data: dict[str, Any], phase: dict[str, Any], i: int, faults: Faults) -> None:
     here: KeyPath = ("phases", i)
-    known = mapping(data.get("contacts"))
+    if isinstance(data.get("contacts"), dict):
+        _holding(data, phase, here, faults)
+    elif "contacts" not in data:
+        used = next((key for key in ("contacts", "reach", "force") if phase.get(key)), None)
+        if used is not None:
+            faults.add((*here, used), "needs a block 'contacts'", on="key")
+    if isinstance(data.get("tasks"), dict):
+        _asked(data, phase, here, faults)
+    until = mapping(phase.get("until"))
+    if "tip_error" in until and not phase.get("reach"):
+        faults.add((*here, "until", "tip_error"), "needs a finger in 'reach'", on="key")
+    if "object" in phase and "object" not in data:
+        faults.add((*here, "object"), "needs a block 'object'", on="key")
+
+
+def _holding(data: dict[str, Any], phase: dict[str, Any], here: KeyPath, faults: Faults) -> None:
+    known = mapping(data["contacts"])
     fingers = mapping(mapping(data.get("robot")).get("fingers"))
     holding, reaching = mapping(phase.get("contacts")), mapping(phase.get("reach"))
     for block, entries in (("contacts", holding), ("reach", reaching)):
@@ -203,9 +225,6 @@ def _phase(data: dict[str, Any], phase: dict[str, Any], i: int, faults: Faults) 
             faults.unknown(path, "finger", finger, known or fingers, on="key")
         elif finger not in holding:
             faults.add(path, "does not touch in this phase, so it has no force", on="key")
-    _asked(data, phase, here, faults)
-    if "object" in phase and "object" not in data:
-        faults.add((*here, "object"), "needs a block 'object'", on="key")
 
 
 def _asked(data: dict[str, Any], phase: dict[str, Any], here: KeyPath, faults: Faults) -> None:
@@ -227,5 +246,3 @@ def _asked(data: dict[str, Any], phase: dict[str, Any], here: KeyPath, faults: F
     for task in mapping(until.get("residual")):
         if task not in tasks:
             faults.unknown((*here, "until", "residual", task), "task", task, tasks, on="key")
-    if "tip_error" in until and not phase.get("reach"):
-        faults.add((*here, "until", "tip_error"), "needs a finger in 'reach'", on="key")
