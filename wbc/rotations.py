@@ -28,10 +28,12 @@ def exp_so3(w: Array) -> Array:
     angle2 = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
     s = skew(w)
     if angle2 < 1e-12:  # the series is exact to rounding here, the quotients below are not
-        return np.eye(3) + s + 0.5 * (s @ s)
+        small: Array = np.eye(3) + s + 0.5 * (s @ s)
+        return small
     angle = np.sqrt(angle2)
     half = np.sin(0.5 * angle)
-    return np.eye(3) + np.sin(angle) / angle * s + 2.0 * half * half / angle2 * (s @ s)
+    r: Array = np.eye(3) + np.sin(angle) / angle * s + 2.0 * half * half / angle2 * (s @ s)
+    return r
 
 
 @kernel
@@ -42,9 +44,9 @@ def log_so3(r: Array) -> Array:
     """
     q = quaternion(r)
     sine = np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2])
-    if sine < 1e-9:
-        return 2.0 * q[:3] / q[3]
-    return 2.0 * np.arctan2(sine, q[3]) / sine * q[:3]
+    factor = 2.0 / q[3] if sine < 1e-9 else 2.0 * np.arctan2(sine, q[3]) / sine
+    phi: Array = factor * q[:3]
+    return phi
 
 
 @kernel
@@ -70,7 +72,8 @@ def quaternion(r: Array) -> Array:
         q = np.array((r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], d))
     if q[3] < 0.0:
         q = -q
-    return q / np.sqrt(np.sum(q * q))
+    unit: Array = q / np.sqrt(np.sum(q * q))
+    return unit
 
 
 @kernel
@@ -98,7 +101,8 @@ def log_jacobian(phi: Array) -> Array:
         half = 0.5 * np.sqrt(angle2)
         c = (1.0 - half / np.tan(half)) / angle2
     s = skew(phi)
-    return np.eye(3) - 0.5 * s + c * (s @ s)
+    derivative: Array = np.eye(3) - 0.5 * s + c * (s @ s)
+    return derivative
 
 
 def rotation_from_rpy(rpy: Array) -> Array:

@@ -19,7 +19,7 @@ from typing import final
 
 import numpy as np
 
-from wbc.arrays import Array
+from wbc.arrays import Array, IntArray
 from wbc.compiled import kernel
 from wbc.contact.grasp import ContactMode, ContactState, Grasp, ObjectReference
 from wbc.contact.surfaces.gauss import gauss_frames
@@ -32,8 +32,18 @@ _SLIDING = int(ContactMode.SLIDING)
 
 @kernel
 def _object_poses(
-    mode, charts, frame, pivot, reach, tip, tip_rotation, position, rotation, estimate_p, estimate_r
-):  # type: ignore[no-untyped-def]
+    mode: IntArray,
+    charts: Array,
+    frame: Array,
+    pivot: Array,
+    reach: Array,
+    tip: Array,
+    tip_rotation: Array,
+    position: Array,
+    rotation: Array,
+    estimate_p: Array,
+    estimate_r: Array,
+) -> int:
     """Pose of the object by every finger in contact, and their mean; how many there are.
 
     From (27) and (30): o_f = o_o + R_o (c + (l − Δl) n̂), R_o = R_F R_FC R_OCᵀ.
@@ -64,27 +74,27 @@ def _object_poses(
 
 @kernel
 def _contact_rows(
-    mode,
-    planar,
-    gain,
-    charts,
-    frame,
-    normal_xi,
-    reach,
-    reach_rate,
-    linear,
-    position,
-    rotation,
-    reference_p,
-    reference_r,
-    twist,
-    error,
-    twist_cmd,
-    rows,
-    rhs,
-    xi_jacobian,
-    xi_drift,
-):  # type: ignore[no-untyped-def]
+    mode: IntArray,
+    planar: bool,
+    gain: float,
+    charts: Array,
+    frame: Array,
+    normal_xi: Array,
+    reach: Array,
+    reach_rate: Array,
+    linear: Array,
+    position: Array,
+    rotation: Array,
+    reference_p: Array,
+    reference_r: Array,
+    twist: Array,
+    error: Array,
+    twist_cmd: Array,
+    rows: Array,
+    rhs: Array,
+    xi_jacobian: Array,
+    xi_drift: Array,
+) -> int:
     """Rows of (33) left on the active joints, and the sliding rates that go with them.
 
     Returns the number of rows r; rows[:r] q̇ = rhs[:r] is the main task (35), and
@@ -121,8 +131,8 @@ def _contact_rows(
 
 
 @kernel
-def _left_inverse(t):  # type: ignore[no-untyped-def]
-    """(TᵀT)⁻¹Tᵀ of a (3, 1) or (3, 2) matrix of tangent vectors; zero where they vanish (a pole)."""
+def _left_inverse(t: Array) -> Array:
+    """(TᵀT)⁻¹Tᵀ of (3, 1) or (3, 2) tangent vectors; zero where they vanish (a pole)."""
     out = np.zeros((t.shape[1], 3))
     if t.shape[1] == 1:
         d = np.sum(t * t)
@@ -140,8 +150,17 @@ def _left_inverse(t):  # type: ignore[no-untyped-def]
 
 @kernel
 def _pivot_rates(
-    mode, tip_rotation, pivot, spin, angular, v, xi_rate, twist_cmd, with_object, rate
-):  # type: ignore[no-untyped-def]
+    mode: IntArray,
+    tip_rotation: Array,
+    pivot: Array,
+    spin: Array,
+    angular: Array,
+    v: Array,
+    xi_rate: Array,
+    twist_cmd: Array,
+    with_object: bool,
+    rate: Array,
+) -> None:
     """θ̇ as the turning rate of C in F, in F's axes: the angular rows of (33), from (29)."""
     for i in range(mode.shape[0]):
         if mode[i] == 0:
@@ -256,9 +275,9 @@ def finger_jacobians(kin: ExtendedKinematics, i: int) -> tuple[Array, Array, Arr
     """The matrices of one finger's (32), in the world's axes: J_F q̇ + J_η η̇ + J_Δl Δl̇ = Gᵀ v_o.
 
     Returns:
-        J_F (6, nv), J_ξ + J'_ξ (6, 2) with the sign they have in J_η (minus), J_θ (6, 3) per turning
-        rate of C in F in F's axes, J_Δl (6, 1), Gᵀ (6, 6). The printed lower-left block of G_Δl has
-        the wrong sign after (31); here Gᵀ = [[I, −S(R_o(c + (l−Δl) n̂))], [0, I]].
+        J_F (6, nv), J_ξ + J'_ξ (6, 2) with the sign they have in J_η (minus), J_θ (6, 3) per
+        turning rate of C in F in F's axes, J_Δl (6, 1), Gᵀ (6, 6). The printed lower-left block of
+        G_Δl has the wrong sign after (31); here Gᵀ = [[I, −S(R_o(c + (l−Δl) n̂))], [0, I]].
     """
     reach = float(kin.reference.reach[i])
     r = kin.rotation[i]

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.arrays import Array
+from wbc.arrays import Array, IntArray
 from wbc.compiled import kernel
 from wbc.contact.extended_finger import ExtendedKinematics
 
@@ -65,7 +65,7 @@ class Task(ABC):
 
     @property
     def exact_share(self) -> float:
-        """Share of a row's squared length that higher priorities must leave for its gain to be exact.
+        """Share of a row's squared length that must be left to it for its gain to be exact.
 
         With less, the task slows rather than drive the joints hard to get its way.
         """
@@ -93,7 +93,15 @@ def fade(depth: float, band: float) -> float:
 
 
 @kernel
-def coordinate_rows(point, jacobian_of_point, axes, target, error, jacobian, rate):  # type: ignore[no-untyped-def]
+def coordinate_rows(
+    point: Array,
+    jacobian_of_point: Array,
+    axes: IntArray,
+    target: Array,
+    error: Array,
+    jacobian: Array,
+    rate: Array,
+) -> None:
     """Rows of σ = point[axes]: a point (3,) of the robot with its Jacobian (3, nv), [m].
 
     The target is the point's (3,), or (6,) with its velocity.

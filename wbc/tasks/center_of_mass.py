@@ -34,6 +34,7 @@ class CenterOfMass(Task):
         return self.goal
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
+        assert target is not None  # the stack hands on the task's own or its replacement
         coordinate_rows(
             kin.robot.com, kin.robot.com_jacobian, self.axes, target,
             out.error, out.jacobian, out.rate,

@@ -17,8 +17,8 @@ from wbc.tasks.base import Task, TaskRows
 # residual is zero, but the direction in which it can vary is not.
 _DIRECTION_FLOOR = 1e-9
 
-# On its way to the goal the moment's row can become parallel to the force's: two sliding fingers give
-# both no more than two degrees of freedom. Through such a place the moment waits.
+# On its way to the goal the moment's row can become parallel to the force's: two sliding fingers
+# give both no more than two degrees of freedom. Through such a place the moment waits.
 _EXACT_SHARE = 0.3
 
 
@@ -27,7 +27,8 @@ def _direction(f: Array, jacobian: Array) -> Array:
     """Unit vector along f, and where f vanishes the one along which the Jacobian moves f most."""
     size = np.sqrt(np.sum(f * f))
     if size > _DIRECTION_FLOOR:
-        return f / size
+        unit: Array = f / size
+        return unit
     gram = jacobian @ jacobian.T
     best = np.zeros(3)
     column = np.argmax(np.diag(gram))
@@ -42,7 +43,15 @@ def _direction(f: Array, jacobian: Array) -> Array:
 
 
 @kernel
-def _force_row(charts, frame, normal_xi, squared, nv, error, jacobian):  # type: ignore[no-untyped-def]
+def _force_row(
+    charts: Array,
+    frame: Array,
+    normal_xi: Array,
+    squared: bool,
+    nv: int,
+    error: Array,
+    jacobian: Array,
+) -> None:
     f = np.zeros(3)
     n = charts.shape[0]
     df = np.zeros((3, 2 * n))
@@ -58,7 +67,16 @@ def _force_row(charts, frame, normal_xi, squared, nv, error, jacobian):  # type:
 
 
 @kernel
-def _moment_row(charts, frame, normal_xi, squared, planar, nv, error, jacobian):  # type: ignore[no-untyped-def]
+def _moment_row(
+    charts: Array,
+    frame: Array,
+    normal_xi: Array,
+    squared: bool,
+    planar: bool,
+    nv: int,
+    error: Array,
+    jacobian: Array,
+) -> None:
     m = np.zeros(3)
     n = charts.shape[0]
     dm = np.zeros((3, 2 * n))

@@ -24,7 +24,7 @@ from wbc.tasks.base import Task, TaskRows, coordinate_rows
 
 
 @kernel
-def _matrix(target, start):  # type: ignore[no-untyped-def]
+def _matrix(target: Array, start: int) -> Array:
     """The rotation stored row by row in target[start : start + 9]."""
     r = np.empty((3, 3))
     for k in range(9):
@@ -33,7 +33,16 @@ def _matrix(target, start):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _turn_rows(rotation, angular, reference, spin, planar, error, jacobian, rate):  # type: ignore[no-untyped-def]
+def _turn_rows(
+    rotation: Array,
+    angular: Array,
+    reference: Array,
+    spin: Array,
+    planar: bool,
+    error: Array,
+    jacobian: Array,
+    rate: Array,
+) -> None:
     """Rows of σ = log(R R_refᵀ), in the plane its z; R turns at `angular` q̇, R_ref at `spin`."""
     nv = angular.shape[1]
     if planar:
@@ -52,8 +61,17 @@ def _turn_rows(rotation, angular, reference, spin, planar, error, jacobian, rate
 
 @kernel
 def _frame_pose_rows(
-    position, rotation, linear, angular, frame, target, planar, error, jacobian, rate
-):  # type: ignore[no-untyped-def]
+    position: Array,
+    rotation: Array,
+    linear: Array,
+    angular: Array,
+    frame: int,
+    target: Array,
+    planar: bool,
+    error: Array,
+    jacobian: Array,
+    rate: Array,
+) -> None:
     k, nv = 2 if planar else 3, linear.shape[2]
     error[:k] = target[:k] - position[frame, :k]
     jacobian[:k, :nv] = linear[frame, :k]
@@ -68,7 +86,16 @@ def _frame_pose_rows(
 
 
 @kernel
-def _frame_orientation_rows(rotation, angular, frame, target, planar, error, jacobian, rate):  # type: ignore[no-untyped-def]
+def _frame_orientation_rows(
+    rotation: Array,
+    angular: Array,
+    frame: int,
+    target: Array,
+    planar: bool,
+    error: Array,
+    jacobian: Array,
+    rate: Array,
+) -> None:
     spin = np.zeros(3)
     if target.shape[0] == 12:
         spin[:] = target[9:]
@@ -79,8 +106,18 @@ def _frame_orientation_rows(rotation, angular, frame, target, planar, error, jac
 
 @kernel
 def _relative_pose_rows(
-    position, rotation, linear, angular, a, b, target, planar, error, jacobian, rate
-):  # type: ignore[no-untyped-def]
+    position: Array,
+    rotation: Array,
+    linear: Array,
+    angular: Array,
+    a: int,
+    b: int,
+    target: Array,
+    planar: bool,
+    error: Array,
+    jacobian: Array,
+    rate: Array,
+) -> None:
     k, nv = 2 if planar else 3, linear.shape[2]
     to_b = rotation[b].T.copy()
     offset = position[a] - position[b]
@@ -144,6 +181,7 @@ class FramePose(Task):
         return self.goal
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
+        assert target is not None  # the stack hands on the task's own or its replacement
         robot = kin.robot
         _frame_pose_rows(
             robot.position, robot.rotation, robot.linear, robot.angular, self.frame, target,
@@ -175,6 +213,7 @@ class FramePosition(Task):
         return self.goal
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
+        assert target is not None  # the stack hands on the task's own or its replacement
         coordinate_rows(
             kin.robot.position[self.frame], kin.robot.linear[self.frame], self.axes, target,
             out.error, out.jacobian, out.rate,
@@ -206,6 +245,7 @@ class FrameOrientation(Task):
         return self.goal
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
+        assert target is not None  # the stack hands on the task's own or its replacement
         _frame_orientation_rows(
             kin.robot.rotation, kin.robot.angular, self.frame, target, self.planar,
             out.error, out.jacobian, out.rate,
@@ -241,6 +281,7 @@ class RelativePose(Task):
         return self.goal
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
+        assert target is not None  # the stack hands on the task's own or its replacement
         robot = kin.robot
         _relative_pose_rows(
             robot.position, robot.rotation, robot.linear, robot.angular, self.frame,

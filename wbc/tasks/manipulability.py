@@ -15,7 +15,9 @@ from wbc.tasks.base import Task, TaskRows, fade
 
 
 @kernel
-def manipulability_gradient(linear, angular, chain, size, gradient):  # type: ignore[no-untyped-def]
+def manipulability_gradient(
+    linear: Array, angular: Array, chain: IntArray, size: int, gradient: Array
+) -> float:
     """w = sqrt(det(J Jᵀ)) of a chain's position Jacobian (46) and its gradient.
 
     dw/dq_k = w tr((J Jᵀ)⁻¹ ∂J/∂q_k Jᵀ), with ∂J_j/∂q_k = ω_min(j,k) × J_max(j,k) for a serial chain
@@ -40,7 +42,7 @@ def manipulability_gradient(linear, angular, chain, size, gradient):  # type: ig
     det, adjugate = _det_adjugate(gram)
     if not det > 0.0:
         return 0.0
-    w = np.sqrt(det)
+    w: float = np.sqrt(det)
     m = np.zeros((3, n))  # (J Jᵀ)⁻¹ J
     m[:size] = adjugate @ j[:size] / det
     for k in range(n):
@@ -54,7 +56,7 @@ def manipulability_gradient(linear, angular, chain, size, gradient):  # type: ig
 
 
 @kernel
-def _det_adjugate(a):  # type: ignore[no-untyped-def]
+def _det_adjugate(a: Array) -> tuple[float, Array]:
     """Determinant and adjugate of a symmetric (2, 2) or (3, 3) matrix."""
     out = np.zeros(a.shape)
     if a.shape[0] == 2:
@@ -69,8 +71,18 @@ def _det_adjugate(a):  # type: ignore[no-untyped-def]
 
 @kernel
 def _shortfall_rows(
-    linear, angular, chains, fingers, size, threshold, band, squared, error, jacobian, activation
-):  # type: ignore[no-untyped-def]
+    linear: Array,
+    angular: Array,
+    chains: IntArray,
+    fingers: IntArray,
+    size: int,
+    threshold: float,
+    band: float,
+    squared: bool,
+    error: Array,
+    jacobian: Array,
+    activation: Array,
+) -> None:
     nv = linear.shape[2]
     for r in range(fingers.shape[0]):
         f = fingers[r]

@@ -12,7 +12,9 @@ from wbc.tasks.base import Task, TaskRows
 
 
 @kernel
-def _posture_rows(q, joints, target, error, jacobian, rate):  # type: ignore[no-untyped-def]
+def _posture_rows(
+    q: Array, joints: IntArray, target: Array, error: Array, jacobian: Array, rate: Array
+) -> None:
     m = joints.shape[0]
     for r in range(m):
         error[r] = target[r] - q[joints[r]]
@@ -43,4 +45,5 @@ class Posture(Task):
         return self.goal
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
+        assert target is not None  # the stack hands on the task's own or its replacement
         _posture_rows(kin.robot.q, self.joints, target, out.error, out.jacobian, out.rate)

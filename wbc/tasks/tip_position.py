@@ -14,9 +14,20 @@ from wbc.tasks.base import Task, TaskRows
 
 @kernel
 def _tip_rows(
-    tip, linear, finger, axes, spin, object_position, object_rotation, twist, target, planar,
-    error, jacobian, rate,
-):  # type: ignore[no-untyped-def]  # fmt: skip
+    tip: Array,
+    linear: Array,
+    finger: int,
+    axes: Array,
+    spin: Array,
+    object_position: Array,
+    object_rotation: Array,
+    twist: Array,
+    target: Array,
+    planar: bool,
+    error: Array,
+    jacobian: Array,
+    rate: Array,
+) -> None:
     nv = linear.shape[1]
     start = nv + 2 * finger
     gap = object_position + object_rotation @ target[:3] - tip
@@ -70,6 +81,7 @@ class TipPosition(Task):
         return 1e-3
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
+        assert target is not None  # the stack hands on the task's own or its replacement
         _tip_rows(
             kin.robot.position[self.finger], kin.robot.linear[self.finger], self.finger,
             kin.frame[self.finger], kin.spin[self.finger], kin.object_position,
