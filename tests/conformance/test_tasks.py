@@ -33,6 +33,7 @@ from conformance.worlds import (
     random_rotation,
     scaled,
     seeded,
+    without_object,
 )
 from wbc.contact.grasp import ContactMode
 from wbc.rotations import exp_so3
@@ -276,6 +277,22 @@ def test_equilibrium_at_the_goal(robot: str, surface: str) -> None:
             grown = [abs(evaluate(example, world.at(world.q_ext + s * step * way)).error[0])
                      for s in (-1, 1)]  # fmt: skip
             assert_allclose(grown, step * np.linalg.norm(out.jacobian), rtol=0.05, atol=1e-7)
+
+
+@pytest.mark.parametrize("robot", SETTINGS)
+def test_tasks_of_the_robot_alone_need_no_object(robot: str) -> None:
+    for cases in TASKS.values():
+        for case in cases:
+            if case.surfaces or "goal" not in case.spots:
+                continue
+            bare = without_object(robot)
+            example = case.make(bare, seeded(robot, "alone"), "far")
+            out = evaluate(example)
+            assert out.jacobian.shape == (example.task.rows, bare.nv) and out.error.any()
+            step = central_difference(
+                lambda t, x=example, w=bare: evaluate(x, w.at(w.q_ext + t)).error
+            )
+            check_derivative(out.jacobian.sum(axis=1), -step)
 
 
 def test_targets_without_feed_forward_are_taken_too() -> None:

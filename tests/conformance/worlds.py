@@ -14,7 +14,7 @@ import numpy as np
 
 from conformance.robots import SETTINGS, STILL, Motion, robot
 from wbc.contact.extended_finger import ExtendedKinematics
-from wbc.contact.grasp import ContactMode, ContactState, Grasp, ObjectReference
+from wbc.contact.grasp import ContactMode, ContactState, Grasp, ObjectReference, no_grasp
 from wbc.contact.surfaces import Surface
 from wbc.contact.surfaces.box import Box
 from wbc.contact.surfaces.circle import Circle
@@ -177,6 +177,17 @@ def make_world(
     q = configuration(model, place, rng)
     world = World(robot_name, kin, q, state, reference)
     return _keep_in_plane(world) if model.planar else world
+
+
+def without_object(robot_name: str, place: str = "random") -> World:
+    """A robot alone."""
+    full = make_world(robot_name, place=place)
+    grasp = no_grasp(full.planar)
+    n = (0,)
+    state = ContactState(np.zeros(n, dtype=np.int64), np.zeros((0, 2)), np.zeros((0, 3, 3)))
+    reference = full.reference._replace(reach=np.zeros(n), reach_rate=np.zeros(n))
+    kin = _workspace(robot_name, full.kin.robot.model, grasp)
+    return replace(full, kin=kin, state=state, reference=reference)
 
 
 def _workspace(robot_name, model, grasp) -> ExtendedKinematics:  # type: ignore[no-untyped-def]
