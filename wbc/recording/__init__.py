@@ -1,6 +1,7 @@
 """The record of a run: log, summary, plots and picture strip.
 
-`plot` and `draw_strip` are imported on first use: they load matplotlib, which a run has no need of.
+Plots are in `wbc.recording.plots` and `wbc.recording.strip`, imported where they are drawn: they load
+matplotlib, which a run has no need of.
 """
 
 from __future__ import annotations

@@ -1,0 +1,267 @@
+"""A run as a strip of pictures, like Figure 14 of the chapter.
+
+Any robot can be drawn: bodies come as simple shapes with poses. The shapes are those that the live
+view draws, but only what is read here is asked of them, so that neither room imports the other.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
+from matplotlib.patheffects import withStroke
+
+from wbc.arrays import Array, BoolArray, IntArray
+from wbc.errors import WbcError
+from wbc.recording.figures import panels, save, style
+from wbc.recording.log import Log
+from wbc.recording.silhouette import View, matrices, outline
+from wbc.recording.summary import phase_starts
+
+_EDGE = "#3A3F47"
+_NORMAL = "#B2182B"
+_WIDTH = 9.6  # of the page, [inch]
+_TITLE = 0.3  # height of a picture's title, [inch]
+
+
+class Shape(Protocol):
+    """A solid on a body, see `wbc.view.scene.SceneShape`."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def body(self) -> str | None: ...
+    @property
+    def size(self) -> tuple[float, ...]: ...
+    @property
+    def vertices(self) -> Array | None: ...
+    @property
+    def triangles(self) -> IntArray | None: ...
+    @property
+    def rgba(self) -> tuple[float, float, float, float]: ...
+    @property
+    def placement(self) -> Array: ...
+
+
+class ObjectBody(Protocol):
+    """The manipulated object, see `wbc.view.scene.ObjectShape`."""
+
+    @property
+    def vertices(self) -> Array: ...
+    @property
+    def triangles(self) -> IntArray: ...
+    @property
+    def rgba(self) -> tuple[float, float, float, float]: ...
+    @property
+    def outline(self) -> Array | None: ...
+
+
+class Stage(Protocol):
+    """What does not change during a run, see `wbc.view.scene.Scene`."""
+
+    @property
+    def shapes(self) -> Sequence[Shape]: ...
+    @property
+    def object(self) -> ObjectBody | None: ...
+    @property
+    def body_names(self) -> tuple[str, ...]: ...
+    @property
+    def contact_names(self) -> tuple[str, ...]: ...
+    @property
+    def phase_names(self) -> tuple[str, ...]: ...
+    @property
+    def planar(self) -> bool: ...
+
+
+class Instant(Protocol):
+    """One moment of a run, see `wbc.view.scene.Snapshot`."""
+
+    @property
+    def t(self) -> float: ...
+    @property
+    def bodies(self) -> Array: ...
+    @property
+    def object_pose(self) -> Array: ...
+    @property
+    def contact_points(self) -> Array: ...
+    @property
+    def contact_normals(self) -> Array: ...
+    @property
+    def in_contact(self) -> BoolArray: ...
+    @property
+    def phase(self) -> int: ...
+
+
+def moments(log: Log, count: int = 5) -> IntArray:
+    """Ticks worth a picture: the first, the last, where phases begin, then the widest gaps halved.
+
+    Returns:
+        At most `count` increasing indices into the log's ticks, fewer for a shorter log.
+    """
+    if not log.ticks or count < 1:
+        return np.zeros(0, dtype=np.int64)
+    chosen = [0] if count == 1 else sorted({0, log.ticks - 1})
+    for k in phase_starts(log)[1:]:
+        if len(chosen) < count and int(k) not in chosen:
+            chosen = sorted([*chosen, int(k)])
+    while len(chosen) < min(count, log.ticks):
+        gaps = np.diff(chosen)
+        widest = int(np.argmax(gaps))
+        chosen.insert(widest + 1, chosen[widest] + int(gaps[widest]) // 2)
+    return np.array(chosen, dtype=np.int64)
+
+
+def draw_strip(stage: Stage, instants: Sequence[Instant], path: str | os.PathLike[str]) -> Path:
+    """Draw `instants` side by side as one PNG, all at one scale.
+
+    Args:
+        stage: a planar one is looked at from +z, any other obliquely from above.
+        instants: from the first on the left to the last, each with poses for the stage's bodies.
+
+    Raises:
+        WbcError: there is nothing to draw, or the file cannot be written.
+    """
+    if not instants:
+        raise WbcError("no picture strip: no instant was given")
+    view = View.from_above() if stage.planar else View.oblique()
+    with style(), np.errstate(all="ignore"):
+        boxes = [_box(stage, instant, view) for instant in instants]
+        low = np.nanmin([b[0] for b in boxes], axis=0)
+        high = np.nanmax([b[1] for b in boxes], axis=0)
+        if not np.isfinite([low, high]).all():
+            raise WbcError("no picture strip: no body has a finite pose")
+        margin = 0.04 * float(np.max(high - low)) + 1e-6
+        low, high = low - margin, high + margin
+        aspect = float((high[1] - low[1]) / (high[0] - low[0]))
+        columns, rows = _layout(len(instants), aspect)
+        height = _WIDTH / columns * aspect + _TITLE
+        figure, axes_list = panels(rows, columns, height=min(max(height, 0.8), 9.0))
+        for axes, instant in zip(axes_list, instants, strict=False):
+            _draw(axes, stage, instant, view)
+            axes.set_xlim(low[0], high[0])
+            axes.set_ylim(low[1], high[1])
+        for axes in axes_list:
+            axes.set_axis_off()
+        return save(figure, Path(path))
+
+
+def _layout(count: int, aspect: float) -> tuple[int, int]:
+    """Columns and rows: one row where pictures are tall, else as large as a page's width allows."""
+    if aspect > 0.7 and count <= 5:
+        return count, 1
+    for columns in range(1, count):
+        rows = -(-count // columns)
+        if rows * (_WIDTH / columns * aspect + _TITLE) <= 0.65 * _WIDTH:
+            return columns, rows
+    columns = min(count, 5)
+    return columns, -(-count // columns)
+
+
+def _placed(stage: Stage, instant: Instant) -> list[tuple[Shape, Array]]:
+    """Shapes with their (4, 4) pose in the world; those without a finite pose are left out."""
+    poses = dict(zip(stage.body_names, matrices(instant.bodies), strict=True))
+    poses_of = [
+        (s, np.asarray(s.placement) if s.body is None else poses[s.body] @ s.placement)
+        for s in stage.shapes
+    ]
+    return [(s, pose) for s, pose in poses_of if np.isfinite(pose).all()]
+
+
+def _box(stage: Stage, instant: Instant, view: View) -> tuple[Array, Array]:
+    """Smallest and largest picture coordinates, (2,) each; the world's own shapes do not count."""
+    drawn = [
+        piece
+        for shape, pose in _placed(stage, instant)
+        if shape.body is not None
+        for piece in outline(shape.kind, shape.size, shape.vertices, shape.triangles, pose, view)
+    ]
+    if stage.object is not None:
+        pose = matrices(instant.object_pose)[0]
+        drawn.append(view.flat(stage.object.vertices @ pose[:3, :3].T + pose[:3, 3]))
+    points = np.concatenate([np.full((1, 2), np.nan), *drawn])
+    return np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+
+
+def _draw(axes: Axes, stage: Stage, instant: Instant, view: View) -> None:
+    axes.set_aspect("equal")
+    name = stage.phase_names[instant.phase] if instant.phase >= 0 and stage.phase_names else ""
+    axes.set_title(
+        f"{instant.t:.2f} s  {name.replace('_', ' ')}", pad=4.0, fontsize=8.0, loc="center",
+        fontweight="normal",
+    )  # fmt: skip
+    if stage.object is not None:
+        _draw_object(axes, stage.object, matrices(instant.object_pose)[0], view)
+    # from the back to the front
+    placed = sorted(_placed(stage, instant), key=lambda s: float(view.depth(s[1][:3, 3])))
+    for shape, pose in placed:
+        pieces = outline(shape.kind, shape.size, shape.vertices, shape.triangles, pose, view)
+        if shape.kind == "line":
+            for piece in pieces:
+                axes.plot(*piece.T, color=shape.rgba[:3], linewidth=1.0)
+            continue
+        smooth = shape.kind != "mesh"
+        axes.add_collection(
+            PolyCollection(
+                [p.tolist() for p in pieces],
+                facecolors=[shape.rgba],
+                edgecolors=_EDGE if smooth else "none",
+                linewidths=0.5,
+                zorder=3,
+            )
+        )
+    _draw_contacts(axes, stage, instant, view)
+
+
+def _draw_object(axes: Axes, body: ObjectBody, pose: Array, view: View) -> None:
+    """Its mesh, shaded by the slope of its faces, and its true contour on top."""
+    if not np.isfinite(pose).all():
+        return
+    world = body.vertices @ pose[:3, :3].T + pose[:3, 3]
+    corners = world[body.triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1)
+    facing = normal @ view.towards / np.where(length > 0.0, length, 1.0)
+    seen = np.flatnonzero(facing > 0.0)
+    seen = seen[np.argsort(view.depth(corners[seen].mean(axis=1)))]
+    light = (0.55 + 0.45 * facing[seen])[:, None]
+    color = np.clip(light * np.array(to_rgb(body.rgba[:3])), 0.0, 1.0)
+    faces = view.flat(corners[seen].reshape(-1, 3)).reshape(-1, 3, 2)
+    # edges in the faces' own colour close the hair lines between them
+    axes.add_collection(
+        PolyCollection(faces.tolist(), facecolors=color, edgecolors=color, linewidths=0.3, zorder=1)
+    )
+    if body.outline is not None and len(body.outline):
+        line = view.flat(body.outline @ pose[:3, :3].T + pose[:3, 3])
+        axes.plot(*np.vstack((line, line[:1])).T, color=_EDGE, linewidth=0.9, zorder=2)
+
+
+def _draw_contacts(axes: Axes, stage: Stage, instant: Instant, view: View) -> None:
+    """A dot and the outward normal where a finger touches."""
+    size = 0.08 * _extent(stage, instant, view)
+    for i, name in enumerate(stage.contact_names):
+        point, normal = instant.contact_points[i], instant.contact_normals[i]
+        if not instant.in_contact[i] or not np.isfinite([point, normal]).all():
+            continue
+        start, end = view.flat(np.stack((point, point + size * normal)))
+        axes.annotate(
+            "", xy=(float(end[0]), float(end[1])), xytext=(float(start[0]), float(start[1])),
+            arrowprops={"arrowstyle": "-|>", "color": _NORMAL, "linewidth": 1.0, "shrinkA": 0,
+                        "shrinkB": 0, "mutation_scale": 6}, zorder=6,
+        )  # fmt: skip
+        axes.plot(*start, "o", color=_NORMAL, markersize=2.6, zorder=7)
+        beyond = end + 0.5 * (end - start)
+        axes.annotate(
+            name, (float(beyond[0]), float(beyond[1])), fontsize=6.0, color=_NORMAL, ha="center",
+            va="center", zorder=8, path_effects=[withStroke(linewidth=1.5, foreground="white")],
+        )  # fmt: skip
+
+
+def _extent(stage: Stage, instant: Instant, view: View) -> float:
+    low, high = _box(stage, instant, view)
+    return float(np.max(high - low))
