@@ -65,7 +65,7 @@ class Law:
         self.gradient: Array = np.zeros(nv)
         self.freedom: Array = np.ones(levels)
         self.rank, self.independence = 0, 1.0
-        self._basis: Array = np.zeros((3 * n, nv))
+        self._basis: Array = np.zeros((3 * n + rows, nv))
         self._taken: Array = np.zeros((rows, nv))
         self._share: Array = np.zeros(rows)
         self._main: Array = np.zeros(nv)

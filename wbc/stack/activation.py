@@ -1,8 +1,8 @@
 """Smooth gains ρ: two first-order lags in series, so that neither ρ nor its slope jumps.
 
-The published ρ = 1 − e^{−μ(t−τ)} (before Fig. 13) starts anew at 0 or 1 when a task is switched back
-early, and its slope jumps at every switch: the command steps by μT times the task's term. Two lags
-step by half the square of that and start from wherever they are. At t = 0 every ρ is 0.
+The published ρ = 1 − e^{−μ(t−τ)} (before Fig. 13) starts anew at 0 or 1 when a task is switched
+back early, and its slope jumps at every switch: the command steps by μT times the task's term. Two
+lags step by half the square of that and start from wherever they are. At t = 0 every ρ is 0.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def advance(activation: Activation, target: Array, rate: float, dt: float) -> Ac
     An infinite rate switches at once.
     """
     if math.isinf(rate):
-        return Activation(target, target)
+        return Activation(target.copy(), target.copy())
     decay = math.exp(-rate * dt)
     gap = activation.lag - target
     rho = target + (activation.rho - target + gap * (rate * dt)) * decay

@@ -2,11 +2,15 @@
 
 A cost cannot guarantee a limit. After the stack, every joint has an interval of velocities from
 which its position and velocity limits can still be kept, braking distance included. A command
-outside is first stripped of its secondary part, as far as needed, keeping the main task's direction
-and speed; if the main task alone does not fit it is slowed along its direction. A change faster than
-the acceleration limits is made along the straight line from the last command, all joints in
-proportion: both ends fulfil the main task, so every point between does. What is still outside (a
-start beyond a limit, a joint that must brake now) is clipped joint by joint.
+outside is first stripped of its secondary part, as far as needed, keeping the main task's
+direction and speed; if the main task alone does not fit it is slowed along its direction. A change
+faster than the acceleration limits is made along the straight line from the last command, all
+joints in proportion: both ends fulfil the main task, so every point between does. What is still
+outside (a start beyond a limit, a joint that must brake now) is clipped joint by joint.
+
+From a state from which the limits can be kept they are, all three, whatever is demanded: a joint
+always has room to brake, and clipping it never asks for more than its deceleration. From any other
+state positions and velocities come first and the acceleration gives way.
 """
 
 from __future__ import annotations
@@ -17,6 +21,10 @@ import numpy as np
 
 from wbc.arrays import Array
 from wbc.compiled import kernel
+
+# What a command may be outside its bounds, relative to 1 + its size, and still count as inside: a
+# joint at its bound or locked, and asked for a rounding error, must not stop all others.
+_ROUNDING = 1e-9
 
 
 class Limited(NamedTuple):
@@ -41,16 +49,17 @@ NOT_LIMITED = Limited(1.0, 1.0, 1.0, False, -1)
 
 
 @kernel
-def velocity_bounds(q, lower, upper, velocity, acceleration, dt, low, high):  # type: ignore[no-untyped-def]
+def velocity_bounds(
+    q: Array, lower: Array, upper: Array, velocity: Array, acceleration: Array, dt: float,
+    low: Array, high: Array,
+) -> None:  # fmt: skip
     """Velocities of the next tick that keep position and velocity limits now and by braking later.
 
-    With deceleration a, a joint at distance d from its bound may move at most at the v for which the
-    braking path, rounded up to whole ticks, fits in d: v <= a (√((dt/2)² + 2d/a) − dt/2). Beyond a
-    bound only motion back is allowed.
+    Beyond a bound only motion back is allowed.
 
     Args:
         q: (n,) positions.
-        lower, upper, velocity: (n,) limits.
+        lower, upper, velocity: (n,) limits; positions may be unlimited, -inf and inf.
         acceleration: (n,), inf where there is none.
         dt: the tick, [s].
         low, high: (n,) filled, low <= 0 <= high.
@@ -61,17 +70,24 @@ def velocity_bounds(q, lower, upper, velocity, acceleration, dt, low, high):  # 
 
 
 @kernel
-def _approach(room, a, dt):  # type: ignore[no-untyped-def]
-    if room <= 0.0:
+def _approach(room: float, a: float, dt: float) -> float:
+    """Largest velocity of the next tick from which a joint stops within `room`, losing a dt a tick.
+
+    From v = (n + r) a dt with n whole and 0 <= r < 1 the ticks to come take it over
+    v dt + (v − a dt) dt + … = ((n + 1)(n + r) − n (n + 1) / 2) a dt²; solved for v.
+    """
+    step = a * dt * dt
+    if room <= 0.0 or step <= 0.0:
         return 0.0
-    if not np.isfinite(a):
+    if np.isinf(step) or np.isinf(room):
         return room / dt
-    half = 0.5 * dt
-    return min(room / dt, a * (np.sqrt(half * half + 2.0 * room / a) - half))
+    steps = room / step
+    n = float(np.floor(0.5 * (np.sqrt(1.0 + 8.0 * steps) - 1.0)))
+    return a * dt * (steps / (n + 1.0) + 0.5 * n)
 
 
 @kernel
-def _fit(start, step, low, high):  # type: ignore[no-untyped-def]
+def _fit(start: Array, step: Array, low: Array, high: Array) -> tuple[float, int]:
     """Largest s in [0, 1] with start + s step inside the bounds, and the joint that stops it.
 
     A joint whose start is outside already does not stop it: clipping is left to deal with it.
@@ -80,9 +96,10 @@ def _fit(start, step, low, high):  # type: ignore[no-untyped-def]
     joint = -1
     for j in range(start.shape[0]):
         end = start[j] + step[j]
-        if end > high[j] and start[j] <= high[j]:
+        slack = _ROUNDING * (1.0 + abs(end))
+        if end > high[j] + slack and start[j] <= high[j]:
             share = (high[j] - start[j]) / step[j]
-        elif end < low[j] and start[j] >= low[j]:
+        elif end < low[j] - slack and start[j] >= low[j]:
             share = (low[j] - start[j]) / step[j]
         else:
             continue
@@ -93,7 +110,10 @@ def _fit(start, step, low, high):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def limit(v_main, v, last, low, high, acceleration, dt, out):  # type: ignore[no-untyped-def]
+def limit(
+    v_main: Array, v: Array, last: Array, low: Array, high: Array, acceleration: Array, dt: float,
+    out: Array,
+) -> tuple[float, float, float, bool, int]:  # fmt: skip
     """Fill out (n,) with the command.
 
     Args:
@@ -125,7 +145,7 @@ def limit(v_main, v, last, low, high, acceleration, dt, out):  # type: ignore[no
     clipped = False
     for j in range(n):
         inside = min(max(out[j], low[j]), high[j])
-        if abs(inside - out[j]) > 1e-9 * (1.0 + abs(out[j])):
+        if abs(inside - out[j]) > _ROUNDING * (1.0 + abs(out[j])):
             clipped = True
             joint = j
         out[j] = inside

@@ -1,17 +1,17 @@
 """Prioritized solve: augmented projection (37), with smooth activations and exact priorities.
 
 Pure numerics. The unknown is the joint velocity v; a level of rows J with right-hand side r and
-activation ρ is solved in what the levels above leave free. For one row j, with g = N jᵀ and d = j g:
+activation ρ is solved in what the levels above leave free. For one row j, with g = N jᵀ, d = j g:
 
     v ← v + ρ (gᵀg / d) (r − j v) g / d,        N ← N − ρ g gᵀ / d
 
-and for several rows the same along each eigenvector of J N Jᵀ. With every ρ at 0 or 1, N is a
-projector, gᵀg = d, and this is the (J N)† form: the error decays at exactly its gain while the level
-does not conflict with those above, and lower levels never change it. In between, gᵀg / d is the share
-that fading levels above leave: without it (J N)† would undo their fading, and a level would jump to
-full speed as soon as one above it let go by a hair. So everything is continuous in every ρ, and a task
-that fades in or out moves neither its own term nor what those below may do by a step.
-The printed law, N J†, is in `wbc.stack.printed`.
+and for several rows, made orthonormal, the same along each eigenvector of J N Jᵀ. With every ρ at
+0 or 1, N is a projector, gᵀg = d, and this is the (J N)† form: the error decays at exactly its gain
+while the level does not conflict with those above, and lower levels never change it. In between,
+gᵀg / d is the share that fading levels above leave: without it (J N)† would undo their fading, and
+a level would jump to full speed as soon as one above it let go by a hair. So everything is
+continuous in every ρ, and a task that fades in or out moves neither its own term nor what those
+below may do by a step. The printed law, N J†, is in `wbc.stack.printed`.
 
 The metric W (diagonal) is applied by the caller: rows come divided by √W, v is to be divided by it.
 """
@@ -20,16 +20,22 @@ from __future__ import annotations
 
 import numpy as np
 
+from wbc.arrays import Array, IntArray
 from wbc.compiled import kernel
 
-# Of a row's squared length, what the levels above leave free of it (fading set aside): below CUT the
-# direction counts as taken, from FULL on it is used fully. From the level's own share `exact` on its
-# gain is exact; below, the inverse is bounded: no row moves the joints more than 1.1 / √exact times
-# as fast as it would alone.
+# Of a row's squared length, the share d / |j|² that the levels above leave free: below CUT the
+# direction counts as taken, from FULL on it is used fully and never lost to a lower level (between,
+# lower levels may move the row by up to 0.5 % of what they could alone). From the level's own share
+# `exact` on its gain is exact; below, the inverse is bounded: a level moves the joints at most
+# 1.09 / √exact times as fast as it would alone.
 _CUT = 1e-6
 _FULL = 1e-4
-# Less than this of a row's squared length left by fading: nothing to compute with.
-_NOTHING = 1e-12
+# The rows of a block are made orthonormal, but for directions in which they are shorter than this
+# share of their longest (squared): a straight arm counts as one that is not free to move there.
+_STRAIGHT = 1e-3
+# Squared length below which a row is shorter than anything a task means, so that one that passes
+# through zero neither drives the joints without bound nor takes a direction made of rounding.
+_SHORT = 1e-12
 # Main task: a row whose part independent of the rows before it is shorter than this ratio is
 # nearly dependent; its inverse is damped, its direction stays in the projector.
 _MAIN_NEAR = 1e-3
@@ -46,13 +52,14 @@ def _smooth(x: float) -> float:
 
 
 @kernel
-def solve_main(rows, rhs, basis, v):  # type: ignore[no-untyped-def]
+def solve_main(rows: Array, rhs: Array, basis: Array, v: Array) -> tuple[int, float]:
     """Least-norm solution of the main task by orthonormalising its rows; v is filled.
 
     Gram-Schmidt, each row twice against the ones before: orthonormal to rounding whatever the
     condition of the rows, no squaring of it, and the last quotient tells how independent a row is.
     Never damped while every row keeps more than 1e-3 of its length; nearer to a rank loss the
-    inverse is (the projector is not), and rows dependent to rounding drop out.
+    inverse is (the projector is not), and rows dependent to rounding drop out. No row moves the
+    joints more than 1.31e3 times as fast as it would alone.
 
     Args:
         rows: (r, n).
@@ -95,13 +102,13 @@ def solve_main(rows, rhs, basis, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _project(x, basis, rank, taken, share, count):  # type: ignore[no-untyped-def]
-    """N x: out of the main task's rows, then out of what the levels so far have taken."""
-    y = x.copy()
-    if rank > 0:
-        main = basis[:rank]
-        y -= (main @ y) @ main
-        y -= (main @ y) @ main  # twice: what rounding leaves, a small pivot below would amplify
+def _project(x: Array, basis: Array, whole: int, taken: Array, share: Array, count: int) -> Array:
+    """N x: out of the rows taken whole, then by their shares out of those of fading levels."""
+    y: Array = x.copy()
+    if whole > 0:
+        used = basis[:whole]
+        y -= (used @ y) @ used
+        y -= (used @ y) @ used  # twice: what rounding leaves, a small pivot below would amplify
     if count > 0:
         used = taken[:count]
         y -= (share[:count] * (used @ y)) @ used
@@ -109,85 +116,96 @@ def _project(x, basis, rank, taken, share, count):  # type: ignore[no-untyped-de
 
 
 @kernel
-def _share_of(d, gg, size, exact):  # type: ignore[no-untyped-def]
-    """φ and the factor on g, for d = j N jᵀ, gg = |N jᵀ|², size = |j|²: cut, bound and fading."""
-    if d <= _NOTHING * size:
-        return 0.0, 0.0
-    free = d * d / (gg * size)  # d / |j|² where N is a projector; 1 where N only fades
-    if free <= _CUT:
-        return 0.0, 0.0
-    phi = _smooth((free - _CUT) / (_FULL - _CUT))
-    share = free / exact
-    bounded = 1.0 if share >= 1.0 else share * (2.0 - share)  # meets 1 with a continuous slope
-    return phi, phi * gg / (d * d) * bounded
+def _shares(free: float, exact: float) -> tuple[float, float]:
+    """φ / free with the cut φ, and the bounded inverse of free; both continuous, slopes too."""
+    inverse = 1.0 / free if free >= exact else (2.0 - free / exact) / exact
+    take = _smooth((free - _CUT) / (_FULL - _CUT)) / free if free > _CUT else 0.0
+    return take, inverse
 
 
 @kernel
-def _add_direction(row, missing, activation, exact, basis, rank, taken, share, count, v):  # type: ignore[no-untyped-def]
-    """One row as a level of its own: adds its motion to v and takes its direction. Returns count, φ."""
-    size = np.sum(row * row)
-    if size < 1e-24 or activation <= 0.0:
-        return count, 0.0
-    g = _project(row, basis, rank, taken, share, count)
-    d = np.sum(row * g)
-    phi, factor = _share_of(d, np.sum(g * g), size, exact)
-    if phi == 0.0:
-        return count, 0.0
-    v += (activation * missing * factor) * g
+def _add_row(
+    row: Array, rhs: float, activation: float, exact: float,
+    basis: Array, whole: int, taken: Array, share: Array, count: int, v: Array,
+) -> tuple[int, int, float]:  # fmt: skip
+    """One row as a level of its own: adds its motion to v and takes its direction.
+
+    Returns the numbers of directions taken whole and by a share, and φ.
+    """
+    size = float(np.sum(row * row))
+    if activation <= 0.0 or size <= _CUT * _SHORT:
+        return whole, count, 0.0
+    size = max(size, _SHORT)
+    g = _project(row, basis, whole, taken, share, count)
+    gg = np.sum(g * g)
+    free = np.sum(row * g) / size
+    take, inverse = _shares(free, exact)
+    if take == 0.0:
+        return whole, count, 0.0
+    missing = rhs - np.sum(row * v)
+    v += (activation * missing * take * inverse * gg / (size * size)) * g
+    if count == 0 and activation == 1.0 and free >= _FULL:
+        # N is still a projector: among the whole ones it is kept orthogonal to rounding
+        basis[whole] = g / np.sqrt(gg)
+        return whole + 1, count, 1.0
     taken[count] = g
-    share[count] = activation * phi / d
-    return count + 1, phi
+    share[count] = activation * take / size
+    return whole, count + 1, take * free
 
 
 @kernel
-def _add_block(rows, missing, activation, exact, basis, rank, taken, share, count, v):  # type: ignore[no-untyped-def]
-    """A level of several rows: along the eigenvectors of J N Jᵀ, each cut and damped on its own."""
-    m = rows.shape[0]
-    g = np.zeros(rows.shape)
-    size = 0.0
-    for i in range(m):
-        g[i] = _project(rows[i], basis, rank, taken, share, count)
-        size = max(size, np.sum(rows[i] * rows[i]))
-    if size < 1e-24 or activation <= 0.0:
-        return count, 0.0
-    gram = rows @ g.T
-    values, vectors = np.linalg.eigh(0.5 * (gram + gram.T))
-    wanted = missing - rows @ v
-    least = 1.0
-    for k in range(m - 1, -1, -1):
-        along = np.ascontiguousarray(vectors[:, k])
-        direction = along @ g
-        phi, factor = _share_of(values[k], np.sum(direction * direction), size, exact)
-        least = min(least, phi)
-        if phi == 0.0:
-            continue
-        v += (activation * np.sum(along * wanted) * factor) * direction
-        taken[count] = direction
-        share[count] = activation * phi / values[k]
-        count += 1
-    return count, least
+def _add_block(
+    rows: Array, rhs: Array, activation: float, exact: float,
+    basis: Array, whole: int, taken: Array, share: Array, count: int, v: Array,
+) -> tuple[int, int, float]:  # fmt: skip
+    """A level of several rows: `_add_row` along each eigenvector of J N Jᵀ, J made orthonormal.
+
+    Returns the numbers of directions taken whole and by a share, and the smallest φ.
+    """
+    gram = rows @ rows.T
+    missing = rhs - rows @ v
+    if activation <= 0.0 or np.trace(gram) <= _CUT * _SHORT:
+        return whole, count, 0.0
+    if not np.isfinite(np.sum(gram) + np.sum(missing)):  # eigh would raise
+        v[:] = np.nan
+        return whole, count, 0.0
+    values, vectors = np.linalg.eigh(gram)
+    length = np.sqrt(np.maximum(values, max(_SHORT, _STRAIGHT * values[-1])))
+    unit = np.ascontiguousarray((vectors / length).T)
+    missing = unit @ missing
+    unit = unit @ rows
+    g = np.empty(rows.shape)
+    for i in range(rows.shape[0]):
+        g[i] = _project(unit[i], basis, whole, taken, share, count)
+    gram = unit @ g.T
+    free, vectors = np.linalg.eigh(0.5 * (gram + gram.T))
+    along = np.ascontiguousarray(vectors.T)
+    g = along @ g
+    take, inverse = np.empty(len(free)), np.empty(len(free))
+    for k in range(len(free)):
+        take[k], inverse[k] = _shares(free[k], exact)
+    # not eigenvector by eigenvector: as a product of functions of J N Jᵀ it is continuous where
+    # eigenvalues cross
+    alone = (inverse * (along @ missing)) @ g
+    v += (activation * take * (g @ alone)) @ g
+    for k in range(len(free) - 1, -1, -1):  # the whole ones first
+        if count == 0 and activation == 1.0 and free[k] >= _FULL:
+            basis[whole] = g[k] / np.sqrt(np.sum(g[k] * g[k]))
+            whole += 1
+        elif take[k] > 0.0:
+            taken[count] = g[k]
+            share[count] = activation * take[k]
+            count += 1
+    return whole, count, take[0] * free[0]
 
 
 @kernel
 def solve_stack(
-    main_rows,
-    main_rhs,
-    jacobian,
-    rhs,
-    row_activation,
-    start,
-    size,
-    exact,
-    order,
-    activation,
-    gradient,
-    basis,
-    taken,
-    share,
-    v_main,
-    v,
-    freedom,
-):  # type: ignore[no-untyped-def]
+    main_rows: Array, main_rhs: Array, jacobian: Array, rhs: Array, row_activation: Array,
+    start: IntArray, size: IntArray, exact: Array, order: IntArray, activation: Array,
+    gradient: Array, basis: Array, taken: Array, share: Array, v_main: Array, v: Array,
+    freedom: Array,
+) -> tuple[int, float]:  # fmt: skip
     """The whole law: main task, levels in order, cost gradient last.
 
     Args:
@@ -199,49 +217,41 @@ def solve_stack(
         order: (L',) levels from the highest priority down.
         activation: (L,) ρ of each level.
         gradient: (n,) k_∇ ∇C, descended in what is left.
-        basis, taken, share: workspaces (>= r, n), (R, n), (R,).
+        basis, taken, share: workspaces (>= r + R, n), (R, n), (R,).
         v_main, v: (n,) filled: main task alone, and everything.
-        freedom: (L,) filled: smallest φ of a level's rows, 1 where it had all the freedom it needs.
+        freedom: (L,) filled: smallest φ of a level's rows, 1 where it had all the freedom it needs,
+            0 where it is out of force.
 
     Returns:
         Rank of the main task and the smallest independent share of its rows.
     """
     rank, smallest = solve_main(main_rows, main_rhs, basis, v_main)
     v[:] = v_main
-    count = 0
+    whole, count = rank, 0
     for k in range(order.shape[0]):
         level = order[k]
         first, last = start[level], start[level] + size[level]
         rho = activation[level] * row_activation[first]
         if size[level] == 1:
-            missing = rhs[first] - np.sum(jacobian[first] * v)
-            count, freedom[level] = _add_direction(
-                jacobian[first], missing, rho, exact[level], basis, rank, taken, share, count, v
-            )
+            whole, count, freedom[level] = _add_row(
+                jacobian[first], rhs[first], rho, exact[level],
+                basis, whole, taken, share, count, v,
+            )  # fmt: skip
         else:
-            rows = jacobian[first:last]
-            count, freedom[level] = _add_block(
-                rows, rhs[first:last], rho, exact[level], basis, rank, taken, share, count, v
-            )
-    v -= _project(gradient, basis, rank, taken, share, count)
+            whole, count, freedom[level] = _add_block(
+                jacobian[first:last], rhs[first:last], rho, exact[level],
+                basis, whole, taken, share, count, v,
+            )  # fmt: skip
+    v -= _project(gradient, basis, whole, taken, share, count)
     return rank, smallest
 
 
 @kernel
 def task_rows(
-    jacobian_ext,
-    error,
-    rate,
-    gain,
-    saturation,
-    start,
-    size,
-    xi_jacobian,
-    xi_drift,
-    scale,
-    jacobian,
-    rhs,
-):  # type: ignore[no-untyped-def]
+    jacobian_ext: Array, error: Array, rate: Array, gain: Array, saturation: Array,
+    start: IntArray, size: IntArray, xi_jacobian: Array, xi_drift: Array, scale: Array,
+    jacobian: Array, rhs: Array,
+) -> None:  # fmt: skip
     """Rows over the joints from rows over q̃ = [q, ξ]: ξ̇ is replaced by what the contacts make of q̇.
 
     Args:

@@ -1,8 +1,8 @@
 """The three-layer supervisor (39)-(43): who is in the stack.
 
-The lower layer is the solve. The middle one removes a task when the cost predicted for the next tick
-passes an upper threshold and the law would still raise it; the upper one puts tasks back, highest
-priority first, when the cost predicted with the task at work stays below a lower threshold.
+The lower layer is the solve. The middle one removes a task when the cost predicted for the next
+tick passes an upper threshold and the law would still raise it; the upper one puts tasks back,
+highest priority first, when the cost predicted with the task at work stays below a lower threshold.
 """
 
 from __future__ import annotations
