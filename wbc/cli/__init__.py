@@ -1,0 +1,179 @@
+"""The command line. Each command imports what it needs when it runs, so that help is quick."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from wbc.errors import WbcError
+
+USAGE, FAILED, INTERNAL, INTERRUPTED = 2, 1, 70, 130
+
+_SCENARIO = "a scenario file, or the name of one that travels with wbc (see: wbc list)"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit code.
+
+    0 success; 1 a run that ended without success; 2 bad input; 70 a fault of wbc itself;
+    130 Ctrl-C; 143 SIGTERM.
+    """
+    try:
+        arguments = parser().parse_args(argv)
+        code = int(arguments.command(arguments))
+        sys.stdout.flush()
+        return code
+    except WbcError as error:
+        _say(str(error))
+        return USAGE
+    except KeyboardInterrupt:
+        _say("interrupted")
+        return INTERRUPTED
+    except BrokenPipeError:
+        _close_stdout()  # the reader, e.g. head, has seen enough
+        return 128 + 13
+    except OSError as error:
+        if os.environ.get("WBC_DEBUG"):
+            raise
+        _close_stdout()
+        _say(f"wbc: {error}")
+        return FAILED
+    except Exception as error:
+        if os.environ.get("WBC_DEBUG"):
+            raise
+        what = " ".join(str(error).split())[:200]
+        _say(
+            f"wbc: internal error, please report it: {type(error).__name__}: {what} "
+            "(WBC_DEBUG=1 shows the traceback)"
+        )
+        return INTERNAL
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)
+
+
+def _close_stdout() -> None:
+    """Let Python's own flush at exit go nowhere instead of failing once more."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
+
+
+def parser() -> argparse.ArgumentParser:
+    """The commands and their arguments."""
+    top = argparse.ArgumentParser(
+        prog="wbc", description="Whole-body control for robots with two arms and dexterous hands."
+    )
+    top.add_argument(
+        "--version", action=_Version, nargs=0, help="print the versions of wbc, pin and Python"
+    )
+    commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    _add_run(commands)
+    _add_check(commands)
+    _add_view(commands)
+    _add_plot(commands)
+    for name, text in (
+        ("list", "list the scenarios and robots that travel with wbc"),
+        ("schema", "print the JSON Schema of scenario files, for editors"),
+    ):
+        added = commands.add_parser(name, help=text, description=text)
+        added.set_defaults(command=_later("wbc.cli.catalog", f"{name}_command"))
+    return top
+
+
+def _add_run(commands: Any) -> None:
+    text = "run a scenario, write DIR/log.npz and DIR/summary.json"
+    run = commands.add_parser("run", help=text, description=text)
+    run.add_argument("scenario", metavar="NAME_OR_FILE", help=_SCENARIO)
+    run.add_argument("--out", metavar="DIR", help="folder of the results (default: runs/NAME)")
+    _add_settings(run)
+    run.add_argument("--view", action="store_true", help="follow the run in a browser")
+    _add_view_options(run)
+    pace = run.add_mutually_exclusive_group()
+    pace.add_argument(
+        "--realtime", action="store_true", help="at the pace of the clock (default with --view)"
+    )
+    pace.add_argument("--fast", action="store_true", help="as fast as it goes (default without)")
+    run.set_defaults(command=_later("wbc.cli.run", "run_command"))
+
+
+def _add_check(commands: Any) -> None:
+    text = "check a scenario without running it: robot, collision pairs, grasps, start"
+    check = commands.add_parser("check", help=text, description=text)
+    check.add_argument("scenario", metavar="NAME_OR_FILE", help=_SCENARIO)
+    _add_settings(check)
+    check.set_defaults(command=_later("wbc.cli.check", "check_command"))
+
+
+def _add_view(commands: Any) -> None:
+    text = "show a finished run again, in a browser or as one self-contained HTML file"
+    view = commands.add_parser("view", help=text, description=text)
+    view.add_argument("run", metavar="RUN", help="folder of a run, or its log.npz")
+    view.add_argument("--html", metavar="FILE", help="write FILE instead of opening a browser")
+    view.add_argument("--rate", type=_rate, default=1.0, metavar="X", help="times real time")
+    _add_view_options(view)
+    view.set_defaults(command=_later("wbc.cli.replay", "view_command"))
+
+
+def _add_plot(commands: Any) -> None:
+    text = "draw a run: object error, residuals, tasks, stack, motion, and a strip of pictures"
+    plot = commands.add_parser("plot", help=text, description=text)
+    plot.add_argument("run", metavar="DIR", help="folder of a run, or its log.npz")
+    plot.add_argument("--out", metavar="DIR2", help="folder of the pictures (default: DIR/plots)")
+    plot.set_defaults(command=_later("wbc.cli.replay", "plot_command"))
+
+
+def _add_settings(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", dest="settings",
+        help="replace a value of the file, e.g. --set simulation.duration=2s (repeatable)",
+    )  # fmt: skip
+    command.add_argument("--seed", metavar="N", help="the same as --set simulation.seed=N")
+
+
+def _add_view_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--no-browser", action="store_true", help="print the address only")
+    command.add_argument("--port", type=_port, metavar="N", help="first port to try (default 7000)")
+
+
+def _port(text: str) -> int:
+    number = int(text) if text.isdecimal() and len(text) < 6 else 0
+    if not 0 < number < 65536:
+        raise argparse.ArgumentTypeError(f"'{text}' is no port: 1 to 65535")
+    return number
+
+
+def _rate(text: str) -> float:
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = math.nan
+    if not 1e-3 <= rate <= 1e3:
+        raise argparse.ArgumentTypeError(f"'{text}' is no rate: 0.001 to 1000")
+    return rate
+
+
+def _later(module: str, name: str) -> Any:
+    """The command `name` of a module that is imported when it is called."""
+
+    def command(arguments: argparse.Namespace) -> Any:
+        import importlib
+
+        return getattr(importlib.import_module(module), name)(arguments)
+
+    return command
+
+
+class _Version(argparse.Action):
+    """Prints the versions; looked up only when asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        from wbc.cli.catalog import version_text
+
+        print(version_text())
+        parser.exit()

@@ -1,0 +1,95 @@
+"""What a run says at its end, from its summary."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+
+def report_lines(summary: dict[str, Any], took: float) -> list[str]:
+    """Success or why not, then the facts a reader looks for first."""
+    ticks = summary["ticks"]
+    verdict = "success" if summary["success"] else f"no success: {summary['reason']}"
+    lines = [f"{summary['scenario']}: {verdict}"]
+    speed = f"{1e3 * took / ticks:.2f} ms per tick" if ticks else "no tick"
+    lines.append(f"  run            {summary['duration']:.3g} s in {ticks} ticks, {speed}")
+    rows = (
+        ("phases", _phases(summary)),
+        ("object error", _object(summary)),
+        ("force closure", _closure(summary)),
+        ("stack", _stack(summary)),
+        ("joints", _joints(summary)),
+        ("distance", _distance(summary)),
+        ("gave way", _gave_way(summary)),
+    )
+    lines += [f"  {name:<14} {text}" for name, text in rows if text]
+    return lines
+
+
+def _phases(summary: dict[str, Any]) -> str:
+    parts = []
+    for phase in summary["phases"]:
+        late = " (timed out)" if phase["name"] in summary["timeouts"] else ""
+        parts.append(f"{phase['name']} from {phase['entered']:.2f} s{late}")
+    return ", ".join(parts)
+
+
+def _object(summary: dict[str, Any]) -> str:
+    settled = summary["object_error"]["settled"]
+    if settled["position"] is None:
+        return ""
+    return (
+        f"at most {settled['position']:.1e} m, {settled['orientation']:.1e} rad "
+        f"after {summary['object_error']['settled_after']:.2g} s"
+    )
+
+
+def _closure(summary: dict[str, Any]) -> str:
+    closure = summary["force_closure"]
+    if closure["eps_f"] is None or not summary["object_error"]["fingers"]:
+        return ""
+    since = closure["below_since"]
+    when = "not reached" if since is None else f"both below {closure['threshold']:.0e} "
+    when += "" if since is None else f"from {since:.2f} s on"
+    return f"eps_f {closure['eps_f']:.1e}, eps_m {closure['eps_m']:.1e} m² at the end; {when}"
+
+
+def _stack(summary: dict[str, Any]) -> str:
+    stack = summary["stack"]
+    told = [
+        f"{e['task']} {'in' if e['event'] == 'inserted' else 'out'} at {e['t']:.2f} s"
+        for e in stack["list"][:6]
+    ]
+    more = ", ..." if stack["events"] > len(told) else ""
+    return f"{stack['events']} events" + (": " + ", ".join(told) + more if told else "")
+
+
+def _joints(summary: dict[str, Any]) -> str:
+    motion = summary["motion"]
+    if motion["max_q"] is None:
+        return ""
+    return (
+        f"at most {math.degrees(motion['max_q']):.1f} deg ({motion['max_q_joint']}), "
+        f"{motion['max_v']:.2f} rad/s ({motion['max_v_joint']}), velocity step "
+        f"{summary['velocity_steps']['max']:.1e} rad/s per tick"
+    )
+
+
+def _distance(summary: dict[str, Any]) -> str:
+    distance = summary["distance"]
+    if distance["min"] is None or distance["t"] is None:
+        return ""
+    return f"smallest of the watched pairs {distance['min']:.3f} m at {distance['t']:.2f} s"
+
+
+def _gave_way(summary: dict[str, Any]) -> str:
+    """The flags raised, with the number of ticks, and the joint behind most of them."""
+    flags = [
+        f"{name} in {count} ticks"
+        for name, count in summary["status"].items()
+        if count and name != "DONE"
+    ]
+    joint = summary["limits"]["most_limited_joint"]
+    if joint is not None:
+        flags.append(f"most often at joint {joint}")
+    return ", ".join(flags) or "nothing"

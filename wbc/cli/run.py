@@ -1,0 +1,209 @@
+"""``wbc run``: a scenario on an ideal robot, recorded, and followed in a browser if asked for."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, final
+
+from wbc.cli.interrupt import Interrupts
+from wbc.cli.progress import Progress, SlowNotice
+from wbc.cli.report import report_lines
+from wbc.cli.session import (
+    LOG,
+    ROBOT,
+    SCENARIO,
+    SUMMARY,
+    load_with_settings,
+    results_folder,
+    run_meta,
+)
+from wbc.compiled import COMPILED
+from wbc.control.state import ControllerState, TickRecord
+from wbc.errors import WbcError
+from wbc.recording import Log, Outcome, Recorder, summarize, write
+from wbc.recording.files import write_whole
+from wbc.scenario.build import Assembly, build
+from wbc.sim.kinematic import run
+from wbc.view import LiveView
+from wbc.view.from_robot import SnapshotMaker, robot_scene
+
+_COMPILING = "compiling the kernels (once on this machine; about a minute)..."
+_LATE = 0.1  # behind by more than this, the pace starts anew rather than hurry, [s]
+
+
+def run_command(arguments: argparse.Namespace) -> int:
+    """Run, record, report; 0 only for a run that did what its scenario asks."""
+    loaded = load_with_settings(arguments)
+    folder = results_folder(arguments.out, loaded.scenario.name)
+    simulation = loaded.scenario.simulation
+    phases = tuple(phase.name for phase in loaded.scenario.phases) or ("run",)
+    progress = Progress(phases, simulation.duration)
+    with contextlib.ExitStack() as stack, Interrupts() as interrupts:
+        notice = stack.enter_context(SlowNotice(progress, _COMPILING if COMPILED else "loading..."))
+        assembly = build(loaded)
+        viewer = stack.enter_context(_Viewer(assembly, arguments)) if arguments.view else None
+        session = _Session(assembly, Recorder(run_meta(assembly), assembly.ticks), progress)
+        session.viewer = viewer
+        session.paced = arguments.realtime or (arguments.view and not arguments.fast)
+        with contextlib.suppress(KeyboardInterrupt):  # the ticks so far are kept
+            session.go(interrupts, notice)
+        interrupts.saving = True
+        progress.clear()
+        if interrupts.received:
+            print("interrupted; writing what there is", file=sys.stderr)
+        summary, saved = session.save(folder, interrupted=bool(interrupts.received))
+        for line in report_lines(summary, session.took):
+            print(line)
+        if saved:
+            print(f"written to {folder}: {LOG}, {SUMMARY}")
+        sys.stdout.flush()
+        if interrupts.received:
+            return interrupts.exit_code
+        if viewer is not None:
+            viewer.stay(folder)
+    return 0 if summary["success"] and saved else 1
+
+
+@final
+class _Viewer:
+    """The live view of a run, which never keeps the run waiting."""
+
+    def __init__(self, assembly: Assembly, arguments: argparse.Namespace) -> None:
+        controller, model = assembly.controller, assembly.model
+        shown = len(controller.task_names) - controller.law.kin.grasp.count
+        main = () if assembly.main_task is None else (assembly.main_task,)
+        scene = robot_scene(
+            model,
+            controller.law.kin.grasp,
+            title=assembly.loaded.scenario.name,
+            task_names=(*main, *controller.task_names[:shown]),
+            phase_names=tuple(phase.name for phase in controller.phases.phases),
+            shown=[(assembly.start.q, controller.law.kin.object_position)],
+        )
+        self._maker = SnapshotMaker(model, controller.task_names, shown, bool(main))
+        self._live = LiveView(scene, arguments.port, open_browser=not arguments.no_browser)
+        if self._live.url:
+            asked = arguments.port
+            taken = asked is not None and f":{asked}/" not in self._live.url
+            print(
+                f"live view: {self._live.url}" + (f" (port {asked} is taken)" if taken else ""),
+                flush=True,
+            )
+
+    def __enter__(self) -> _Viewer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._live.close()
+
+    def show(self, record: TickRecord, progress: Progress) -> None:
+        """Publish a tick if a picture is due."""
+        if record.event is not None:
+            self._maker.note(record.t, record.event)
+        if self._live.due():
+            self._live.publish(self._maker.of_record(record))
+            if line := self._live.warning():
+                progress.say(line)
+
+    def stay(self, folder: Path) -> None:
+        """Leave the last picture up for whoever sits at the terminal."""
+        if not (sys.stdin.isatty() and self._live.alive):
+            return
+        print(f"the view stays open; Enter ends it (again: wbc view {folder})", flush=True)
+        with contextlib.suppress(KeyboardInterrupt, EOFError):
+            input()
+
+
+@final
+@dataclass
+class _Session:
+    """One run under way.
+
+    Attributes:
+        state: after the last tick recorded.
+        took: wall-clock time of the ticks, [s].
+    """
+
+    assembly: Assembly
+    recorder: Recorder
+    progress: Progress
+    viewer: _Viewer | None = None
+    paced: bool = False
+    state: ControllerState | None = None
+    took: float = 0.0
+
+    def go(self, interrupts: Interrupts, notice: SlowNotice) -> None:
+        """Tick until the scenario's time is over or a signal comes."""
+        assembly = self.assembly
+        pace = _Pace(assembly.controller.settings.dt) if self.paced else None
+        last: TickRecord | None = None
+        for record, state in run(assembly.controller, assembly.start, assembly.ticks):
+            if last is None:
+                notice.__exit__()
+                began = time.perf_counter()
+                interrupts.ticking = True
+            self.recorder.append(record)
+            self.state, last = state, record
+            self.took = time.perf_counter() - began
+            self.progress.tick(record)
+            if self.viewer is not None:
+                self.viewer.show(record, self.progress)
+            if interrupts.received:
+                break
+            if pace is not None:
+                pace.wait()
+
+    def save(self, folder: Path, *, interrupted: bool) -> tuple[dict[str, Any], bool]:
+        """Write log and summary; the summary, and whether everything was written."""
+        log = self.recorder.finish(complete=not interrupted)
+        state = self.assembly.start if self.state is None else self.state
+        phases = self.assembly.controller.phases
+        summary = summarize(log, Outcome.of(phases, state.phase, interrupted=interrupted))
+        if interrupted:
+            summary["reason"] = f"interrupted; {summary['reason']}".rstrip("; ")
+            summary["success"] = False
+        return summary, _written(folder, log, summary, self.assembly)
+
+
+@final
+class _Pace:
+    """The clock on the wall: one tick per `dt`."""
+
+    def __init__(self, dt: float) -> None:
+        self._dt = dt
+        self._due = time.monotonic()
+
+    def wait(self) -> None:
+        """Until the next tick is due; time lost is not made up."""
+        self._due += self._dt
+        ahead = self._due - time.monotonic()
+        if ahead > 0.0:
+            time.sleep(ahead)
+        elif ahead < -_LATE:
+            self._due = time.monotonic()
+
+
+def _written(folder: Path, log: Log, summary: dict[str, Any], assembly: Assembly) -> bool:
+    """Whether every file of the run could be written; each that could not is told."""
+    texts = {
+        SCENARIO: log.meta.scenario_text.encode("utf-8"),
+        ROBOT: assembly.model.path.read_bytes(),
+    }
+    good = True
+    for name in (LOG, SUMMARY, *texts):
+        try:
+            if name == LOG:
+                log.save(folder / name)
+            elif name == SUMMARY:
+                write(summary, folder / name)
+            else:
+                write_whole(folder / name, lambda file, text=texts[name]: file.write(text))
+        except WbcError as error:
+            print(error, file=sys.stderr)
+            good = False
+    return good
