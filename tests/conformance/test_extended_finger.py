@@ -20,6 +20,7 @@ from conformance.worlds import (
     central_difference,
     make_world,
     seeded,
+    unpacked,
 )
 from wbc.contact.extended_finger import ExtendedKinematics, extended_jacobian, finger_jacobians
 from wbc.contact.grasp import ContactMode
@@ -272,9 +273,7 @@ def test_eliminated_rows_are_the_extended_jacobian_with_free_passive_joints(
     per = {FREE: 0, FIXED: 2 if world.planar else 3, SLIDING: 1}
     assert r == sum(per[m] for m in modes)
     v = np.linalg.lstsq(kin.rows[:r], kin.rhs[:r], rcond=None)[0]
-    xi_rate, pivot_rate = np.full((n, 2), np.nan), np.full((n, 3), np.nan)
-    kin.passive_rates(v, with_object=True, xi_rate=xi_rate, pivot_rate=pivot_rate)
-    solved = (v, xi_rate, pivot_rate)
+    solved = unpacked(kin.extend(v, with_object=True), n)
     gaps = []
     for weight in (1e-8, 1e-10):
         expected = split(world, weighted_solution(world, kin, weight))
@@ -285,7 +284,7 @@ def test_eliminated_rows_are_the_extended_jacobian_with_free_passive_joints(
     assert gaps[1] < max(0.02 * gaps[0], 1e-8)
     # and the equations themselves hold to rounding
     j, b = extended_jacobian(kin)
-    assert np.abs(j @ joined(world, v, xi_rate, pivot_rate) - b).max() < 1e-9 * size
+    assert np.abs(j @ joined(world, *solved) - b).max() < 1e-9 * size
 
 
 def joined(world: World, v: np.ndarray, xi: np.ndarray, theta: np.ndarray) -> np.ndarray:
@@ -302,8 +301,7 @@ def test_null_motions_leave_the_object_at_rest(robot_name: str, surface: str) ->
         rows, n = kin.rows[: kin.row_count], world.grasp.count
         v = seeded(robot_name, surface, modes).normal(size=world.nv)
         v -= np.linalg.pinv(rows) @ (rows @ v)
-        xi_rate, pivot_rate = np.zeros((n, 2)), np.zeros((n, 3))
-        kin.passive_rates(v, with_object=False, xi_rate=xi_rate, pivot_rate=pivot_rate)
+        _, xi_rate, pivot_rate = unpacked(kin.extend(v, with_object=False), n)
         j, _ = extended_jacobian(kin)
         assert np.abs(j @ joined(world, v, xi_rate, pivot_rate)).max() < 1e-10
         for i in range(n):

@@ -33,6 +33,7 @@ from conformance.worlds import (
     random_rotation,
     scaled,
     seeded,
+    unpacked,
     without_object,
 )
 from wbc.contact.grasp import ContactMode
@@ -133,8 +134,7 @@ def test_jacobian_along_motions_that_leave_the_object_in_the_fingers_at_rest(  #
     rows = kin.rows[: kin.row_count].copy()
     v = rng.normal(size=world.nv)
     v -= np.linalg.pinv(rows, rcond=1e-9) @ (rows @ v)
-    xi, theta = np.zeros((n, 2)), np.zeros((n, 3))
-    kin.passive_rates(v, with_object=False, xi_rate=xi, pivot_rate=theta)
+    _, xi, theta = unpacked(kin.extend(v, with_object=False), n)
     speed = max(1.0, np.abs(xi).max(), np.abs(theta).max())
     q_dot = np.concatenate([v, xi.ravel()]) / speed
 

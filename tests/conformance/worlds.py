@@ -141,6 +141,12 @@ def configuration(model, place: str, rng: np.random.Generator) -> np.ndarray:  #
     return 0.03 * rng.uniform(-1.0, 1.0, model.nv)
 
 
+def unpacked(rates: np.ndarray, fingers: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """q̇, ξ̇ (N, 2) and θ̇ (N, 3) of a velocity of q̃."""
+    first, last = len(rates) - 5 * fingers, len(rates) - 3 * fingers
+    return rates[:first], rates[first:last].reshape(-1, 2), rates[last:].reshape(-1, 3)
+
+
 def make_world(
     robot_name: str,
     surface: str | None = None,

@@ -149,27 +149,26 @@ def _left_inverse(t: Array) -> Array:
 
 
 @kernel
-def _pivot_rates(
-    mode: IntArray,
-    tip_rotation: Array,
-    pivot: Array,
-    spin: Array,
-    angular: Array,
-    v: Array,
-    xi_rate: Array,
-    twist_cmd: Array,
-    with_object: bool,
-    rate: Array,
-) -> None:
-    """θ̇ as the turning rate of C in F, in F's axes: the angular rows of (33), from (29)."""
-    for i in range(mode.shape[0]):
+def _extend(
+    mode: IntArray, tip_rotation: Array, pivot: Array, spin: Array, angular: Array,
+    xi_jacobian: Array, xi_drift: Array, twist_cmd: Array, v: Array, with_object: bool, out: Array,
+) -> None:  # fmt: skip
+    """q̇, then ξ̇ and θ̇ (turning rate of C in F, in F's axes) by the angular rows of (33), from (29)."""
+    n, nv = mode.shape[0], v.shape[0]
+    out[:nv] = v
+    for i in range(n):
+        first, turn = nv + 2 * i, nv + 2 * n + 3 * i
+        out[first : first + 2] = 0.0
+        out[turn : turn + 3] = 0.0
         if mode[i] == 0:
-            rate[i] = 0.0
             continue
-        w = tip_rotation[i] @ (pivot[i] @ (spin[i] @ xi_rate[i])) - angular[i] @ v
+        out[first : first + 2] = xi_jacobian[i] @ v
+        if with_object:
+            out[first : first + 2] += xi_drift[i]
+        w = tip_rotation[i] @ (pivot[i] @ (spin[i] @ out[first : first + 2])) - angular[i] @ v
         if with_object:
             w += twist_cmd[i, 3:]
-        rate[i] = tip_rotation[i].T @ w
+        out[turn : turn + 3] = tip_rotation[i].T @ w
 
 
 @final
@@ -249,21 +248,19 @@ class ExtendedKinematics:
         )  # fmt: skip
         return self
 
-    def passive_rates(
-        self, v: Array, *, with_object: bool, xi_rate: Array, pivot_rate: Array
-    ) -> None:
-        """Fill ξ̇ (N, 2) and θ̇ (N, 3, turning rate in F) that go with the joint velocity v.
+    def extend(self, v: Array, *, with_object: bool) -> Array:
+        """The velocity of q̃ that goes with the joint velocity v: (nv + 5N,) q̇, ξ̇ (N, 2), θ̇ (N, 3).
 
-        Without the object (`with_object=False`) v is a motion in the null space of the main task:
-        the object stands still and the drift is left out.
+        θ̇ is the turning rate of the contact frame in the fingertip's axes. Without the object
+        (`with_object=False`) v is a motion in the null space of the main task: the object stands
+        still and the drift is left out.
         """
-        xi_rate[:] = self.xi_jacobian @ v
-        if with_object:
-            xi_rate += self.xi_drift
-        _pivot_rates(
-            self.state.mode, self._tip_rotation, self.state.pivot, self.spin, self._angular, v,
-            xi_rate, self.twist_cmd, with_object, pivot_rate,
+        out = np.empty(len(v) + 5 * self.grasp.count)
+        _extend(
+            self.state.mode, self._tip_rotation, self.state.pivot, self.spin, self._angular,
+            self.xi_jacobian, self.xi_drift, self.twist_cmd, v, with_object, out,
         )  # fmt: skip
+        return out
 
     def touch(self, finger: int) -> Array:
         """R_FC (3, 3) with which a finger that touches now sees the object where it is."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
@@ -11,7 +12,7 @@ import numpy as np
 from wbc.arrays import Array, BoolArray
 from wbc.contact.grasp import ContactMode, ContactState
 from wbc.control.integrator import runge_kutta
-from wbc.control.law import CostForecast, Law, Motion, moved
+from wbc.control.law import CostForecast, Law, Motion, Sight, moved
 from wbc.control.observe import Seen, observe
 from wbc.control.phases import PhaseSequence
 from wbc.control.references import References
@@ -84,34 +85,19 @@ class Controller:
     ) -> tuple[TickRecord, ControllerState]:
         """One tick. Never raises on numbers: what gave way is in the record's status."""
         t, dt = state.tick * self.settings.dt, self.settings.dt
-        state, seen = self._situation(t, state)  # references, kinematics, tasks, costs, phase
-        now = self._levels(state.activation)
-        motion = self.law.solve(state.level_order, now)  # prioritized solve
-        independence, freedom = self.law.independence, self.law.freedom.copy()
-        target = self._targets(state, state.stack)
-        forecast = self._forecast.fresh(
-            state.q, motion.total[: len(state.q)], state.level_order, target
-        )
-        stack, event = self.supervisor.decide(
-            state.stack, t, state.order[len(self._tips) :], forecast
-        )
-        if event is not None:
-            target = self._targets(state, stack)
-        half, full = (
-            gains.advance(state.activation, target, self.settings.smoothing, h)
-            for h in (0.5 * dt, dt)
-        )
-        record = self._record(t, state, seen, stack, event, independence, freedom)
+        state, seen = self._situation(t, state)  # phase, references, kinematics, tasks, costs
+        motion = self.law.solve(state.level_order, self._levels(state.activation))
+        sight = self.law.sight()
+        stack, event, target = self._supervised(t, state, motion)  # who is in the stack
+        gains_next = gains.advance(state.activation, target, self.settings.smoothing, dt)
         if self.settings.runge_kutta:  # three further evaluations inside the tick
-            motion = runge_kutta(
-                motion, self._stage(state), state.q, state.contact, t, dt,
-                (self._levels(half), self._levels(full)),
-            )  # fmt: skip
+            motion = self._over_the_tick(t, state, motion, target, gains_next)
         step, status, limited = self._limited(state, motion, measurement)  # limit filter
         q, contact = moved(state.q, state.contact, dt * step)
-        record = record._replace(v=step[: len(q)], status=record.status | status, limited=limited)
+        v = step[: len(q)]
+        record = self._record(t, state, seen, sight, v, stack, event, status, limited)
         return record, state._replace(
-            tick=state.tick + 1, q=q, v=record.v, rates=step, contact=contact, activation=full,
+            tick=state.tick + 1, q=q, v=v, rates=step, contact=contact, activation=gains_next,
             stack=stack,
         )  # fmt: skip
 
@@ -269,12 +255,30 @@ class Controller:
         levels: Array = activation.rho[self.law.stack.level_task]
         return levels
 
-    def _stage(self, state: ControllerState):  # type: ignore[no-untyped-def]
-        def evaluate(q: Array, contact: ContactState, t: float, levels: Array) -> Motion:
-            self._evaluate(t, q, contact, state)
+    def _supervised(
+        self, t: float, state: ControllerState, motion: Motion
+    ) -> tuple[StackState, StackEvent | None, Array]:
+        """The stack from now on, what changed, and what each gain goes to."""
+        target = self._targets(state, state.stack)
+        forecast = self._forecast.fresh(
+            state.q, motion.total[: len(state.q)], state.level_order, target
+        )
+        order = state.order[len(self._tips) :]
+        stack, event = self.supervisor.decide(state.stack, t, order, forecast)
+        return stack, event, target if event is None else self._targets(state, stack)
+
+    def _over_the_tick(
+        self, t: float, state: ControllerState, motion: Motion, target: Array,
+        gains_next: gains.Activation,
+    ) -> Motion:  # fmt: skip
+        def stage(q: Array, contact: ContactState, at: float, levels: Array) -> Motion:
+            self._evaluate(at, q, contact, state)
             return self.law.solve(state.level_order, levels)
 
-        return evaluate
+        dt, rate = self.settings.dt, self.settings.smoothing
+        half = gains.advance(state.activation, target, rate, 0.5 * dt)
+        levels = (self._levels(half), self._levels(gains_next))
+        return runge_kutta(motion, stage, state.q, state.contact, t, dt, levels)
 
     def _limited(
         self, state: ControllerState, motion: Motion, measurement: Measurement | None
@@ -286,10 +290,10 @@ class Controller:
         )
         status = Status.OK
         if measurement is not None and not (
-            np.shape(measurement.q) == (nv,) and np.isfinite(measurement.q).all()
+            np.shape(measurement.q) == (nv,) and math.isfinite(np.sum(measurement.q))
         ):
             status |= Status.BAD_MEASUREMENT
-        if not np.isfinite(motion.total.sum() + motion.main.sum()):
+        if not math.isfinite(motion.total.sum() + motion.main.sum()):
             status |= Status.BAD_COMMAND
         if status:
             nothing = np.zeros(len(motion.total))
@@ -309,12 +313,10 @@ class Controller:
         return step, status | (Status.CLIPPED if limited.clipped else Status.SCALED), limited
 
     def _record(
-        self, t: float, state: ControllerState, seen: Seen, stack: StackState,
-        event: StackEvent | None, independence: float, freedom: Array,
+        self, t: float, state: ControllerState, seen: Seen, sight: Sight, v: Array,
+        stack: StackState, event: StackEvent | None, status: Status, limited: Limited,
     ) -> TickRecord:  # fmt: skip
-        kin, distances = self.law.kin, self.law.distances
-        status = Status.OK
-        if kin.row_count and independence < _NEAR_SINGULAR:
+        if sight.independence < _NEAR_SINGULAR:
             status |= Status.NEAR_SINGULAR
         if state.phase.timeouts:
             status |= Status.PHASE_TIMEOUT
@@ -323,11 +325,11 @@ class Controller:
         return TickRecord(
             t=t,
             q=state.q,
-            v=state.v,
-            object_position=kin.object_position.copy(),
-            object_rotation=kin.object_rotation.copy(),
-            reference_position=kin.reference.position.copy(),
-            reference_rotation=kin.reference.rotation.copy(),
+            v=v,
+            object_position=seen.object_position,
+            object_rotation=seen.object_rotation,
+            reference_position=seen.reference_position,
+            reference_rotation=seen.reference_rotation,
             object_error=seen.object_error,
             mode=state.contact.mode,
             contact_points=seen.points,
@@ -336,12 +338,12 @@ class Controller:
             within=stack.within,
             activation=state.activation.rho,
             residuals=seen.residuals,
-            cost=self.law.cost,
-            min_distance=distances.smallest if distances is not None else np.inf,
+            cost=seen.cost,
+            min_distance=seen.min_distance,
             phase=state.phase.index,
             status=status,
-            limited=NOT_LIMITED,
-            independence=independence,
-            freedom=freedom,
+            limited=limited,
+            independence=sight.independence,
+            freedom=sight.freedom,
             event=event,
         )

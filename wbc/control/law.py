@@ -33,6 +33,18 @@ class Motion(NamedTuple):
     total: Array
 
 
+class Sight(NamedTuple):
+    """How the last solve went.
+
+    Attributes:
+        independence: smallest independent share of the main task's rows, 1 = orthogonal or none.
+        freedom: (L,) share of freedom each level found, 1 = all.
+    """
+
+    independence: float
+    freedom: Array
+
+
 @final
 class Law:
     """Workspaces and evaluation of the law; holds no state between evaluations.
@@ -70,8 +82,6 @@ class Law:
         self._share: Array = np.zeros(rows)
         self._main: Array = np.zeros(nv)
         self._total: Array = np.zeros(nv)
-        self._xi: Array = np.zeros((n, 2))
-        self._pivot: Array = np.zeros((n, 3))
 
     def evaluate(
         self, q: Array, contact: ContactState, reference: ObjectReference,
@@ -100,12 +110,12 @@ class Law:
         )  # fmt: skip
         main = self._main * scale
         rest = self._total * scale - main
-        with_object = self._extended(main, True)
-        return Motion(with_object, with_object + self._extended(rest, False))
+        with_object = kin.extend(main, with_object=True)
+        return Motion(with_object, with_object + kin.extend(rest, with_object=False))
 
-    def _extended(self, v: Array, with_object: bool) -> Array:
-        self.kin.passive_rates(v, with_object=with_object, xi_rate=self._xi, pivot_rate=self._pivot)
-        return np.concatenate((v, self._xi.ravel(), self._pivot.ravel()))
+    def sight(self) -> Sight:
+        """How the last solve went, copied out of the workspaces."""
+        return Sight(self.independence, self.freedom.copy())
 
 
 @final
@@ -121,12 +131,24 @@ class CostForecast:
     kin: Kinematics
     distances: Distances | None
 
-    def at(self, q: Array, kin: ExtendedKinematics) -> float:
-        """C_Σ at q, (nv,)."""
-        self.kin.update_placements(q)
-        if self.distances is not None:
-            self.distances.update(self.kin, kin.object_position, kin.object_rotation)
-        return sum(c.weight * c.value(self.kin, self.distances) for c in self.costs)
+    def at(self, q: Array, now: Law) -> float:
+        """C_Σ at q, (nv,).
+
+        A joint moves no point of the robot further than its reach times its motion: where no pair
+        can have come near since the law was evaluated, the distances need no second look.
+        """
+        distances = self.distances
+        if distances is not None:
+            moved_by = float(distances.scene.reach @ np.abs(q - now.kin.robot.q))
+            known = now.distances  # bounds from below
+            if known is not None and known.value.min(initial=np.inf) - moved_by > distances.near:
+                distances = None
+        if distances is None:
+            self.kin.q[:] = q
+        else:
+            self.kin.update_placements(q)
+            distances.update(self.kin, now.kin.object_position, now.kin.object_rotation)
+        return sum(c.weight * c.value(self.kin, distances) for c in self.costs)
 
 
 @kernel

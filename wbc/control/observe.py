@@ -50,18 +50,28 @@ class Seen(NamedTuple):
     """The situation at a tick, copied out of the workspaces.
 
     Attributes:
+        object_position, object_rotation: object pose as the fingers in contact hold it.
+        reference_position, reference_rotation: where it should be.
         points, normals: (N, 3) contact points [m] and outward normals in the world.
         object_error: (N, 2) position [m] and orientation [rad] error by each finger, NaN if free.
         task_error: (M,) norm of each task's error.
         residuals: (ε_f, ε_m) of (44)-(45) over all fingers of the grasp at their chart coordinates:
             the planned ones before they touch, the last ones after they have left.
+        cost: C_Σ.
+        min_distance: smallest distance of the watched pairs, [m]; inf where there are none.
     """
 
+    object_position: Array
+    object_rotation: Array
+    reference_position: Array
+    reference_rotation: Array
     points: Array
     normals: Array
     object_error: Array
     task_error: Array
     residuals: tuple[float, float]
+    cost: float
+    min_distance: float
 
 
 def observe(law: Law) -> Seen:
@@ -74,4 +84,9 @@ def observe(law: Law) -> Seen:
         kin.state.mode, kin.charts, kin.frame, kin.object_position, kin.object_rotation, kin.error,
         stack.task_first, stack.task_last, stack.error, points, normals, object_error, task_error,
     )  # fmt: skip
-    return Seen(points, normals, object_error, task_error, residuals)
+    nearest = np.inf if law.distances is None else law.distances.smallest()
+    return Seen(
+        kin.object_position.copy(), kin.object_rotation.copy(), kin.reference.position.copy(),
+        kin.reference.rotation.copy(), points, normals, object_error, task_error, residuals,
+        law.cost, nearest,
+    )  # fmt: skip

@@ -34,7 +34,7 @@ class TickForecast:
 
     def cost_next(self) -> float:
         """C_Σ one tick ahead along the present command (39)."""
-        return self._costs.at(self._q + self._dt * self._v, self._law.kin)
+        return self._costs.at(self._q + self._dt * self._v, self._law)
 
     def still_rises(self) -> bool:
         """Whether the law with every gain at its target still raises the cost."""
@@ -57,7 +57,7 @@ class TickForecast:
         target = self._target.copy()
         target[task] = 1.0
         v = self._velocity(target)
-        return self._costs.at(self._q + self._horizon * v, self._law.kin)
+        return self._costs.at(self._q + self._horizon * v, self._law)
 
     def _velocity(self, target: Array) -> Array:
         motion = self._law.solve(self._order, target[self._law.stack.level_task])

@@ -1,4 +1,9 @@
-"""Signed distances between collision shapes, from coal: every pair at once, details where asked for."""
+"""Signed distances between collision shapes: every pair at once, details where asked for.
+
+Capsules and spheres, which is what robots should be made of here, are measured by one kernel; so is a
+lower bound for every other shape, from a sphere about it. coal measures the pairs of other shapes that
+the bound does not clear, and gives witness points and normals of the pairs that are near.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +15,14 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import Array, read_only
+from wbc.arrays import Array, BoolArray, IntArray, read_only
+from wbc.compiled import kernel
 from wbc.robot.kinematics import Kinematics
 from wbc.robot.model import RobotModel
 
 OBJECT = "object"
 """Body name of the grasped object's shapes."""
+_TOLERANCE = 1e-12  # of coal's iterations; its default of 1e-6 shows in the gradients
 
 
 @dataclass(frozen=True)
@@ -27,14 +34,27 @@ class CollisionScene:
         geometry: pin.GeometryModel with the object's pieces last; its pairs are the kept ones.
         pieces: indices of the object's pieces.
         pair_names: (link, link) of every pair.
+        pairs: (P, 2) indices of the shapes of each pair.
         relative_support: (P, nv), +1 where a joint carries only the second shape, -1 only the first.
+        joint: (S,) joint that carries each shape, -1 for the object's.
+        ends: (S, 6) ends of the segment about which each shape is round, in its joint's (or the
+            object's) frame, [m].
+        radius: (S,) its radius about the segment, [m].
+        reach: (nv,) no point of a shape moves further than this per unit of joint motion, [m] or [1].
+        exact: (P,) both shapes are capsules or spheres: segment and radius are the shape itself.
     """
 
     model: RobotModel
     geometry: Any
     pieces: tuple[int, ...]
     pair_names: tuple[tuple[str, str], ...]
+    pairs: IntArray
     relative_support: Array
+    joint: IntArray
+    ends: Array
+    radius: Array
+    reach: Array
+    exact: BoolArray
 
 
 def body_name(model: RobotModel, geometry_object: Any) -> str:
@@ -71,16 +91,28 @@ def collision_scene(
     """Fix the pairs of shapes (by index) that are watched."""
     geometry = geometry.copy()
     geometry.removeAllCollisionPairs()
-    names, support = [], []
+    objects = list(geometry.geometryObjects)
     for a, b in pairs:
         geometry.addCollisionPair(pin.CollisionPair(a, b))
-        first, second = geometry.geometryObjects[a], geometry.geometryObjects[b]
-        names.append((body_name(model, first), body_name(model, second)))
-        support.append(_carried(model, second) - _carried(model, first))
+    carried = np.array([_carried(model, o) for o in objects]).reshape(len(objects), model.nv)
+    index = np.array(pairs, dtype=np.int64).reshape(len(pairs), 2)
+    rounds = [_round(o) for o in objects]
+    is_exact = np.array([r[2] for r in rounds], dtype=np.bool_)
     return CollisionScene(
-        model, geometry, pieces, tuple(names),
-        read_only(np.array(support).reshape(len(names), model.nv)),
-    )  # fmt: skip
+        model=model,
+        geometry=geometry,
+        pieces=pieces,
+        pair_names=tuple(
+            (body_name(model, objects[a]), body_name(model, objects[b])) for a, b in pairs
+        ),
+        pairs=index,
+        relative_support=read_only(carried[index[:, 1]] - carried[index[:, 0]]),
+        joint=np.array([-1 if k in pieces else o.parentJoint for k, o in enumerate(objects)]),
+        ends=read_only(np.array([r[0] for r in rounds]).reshape(len(objects), 6)),
+        radius=read_only([r[1] for r in rounds]),
+        reach=_reach(model, objects),
+        exact=is_exact[index[:, 0]] & is_exact[index[:, 1]],
+    )
 
 
 def _carried(model: RobotModel, geometry_object: Any) -> Array:
@@ -92,40 +124,170 @@ def _carried(model: RobotModel, geometry_object: Any) -> Array:
     return mask
 
 
+def _reach(model: RobotModel, objects: Sequence[Any]) -> Array:
+    """(nv,) longest way from a joint along the robot to the far side of a shape; 1 for a slide."""
+    joints = model.pin_model
+    way = np.zeros(joints.njoints)
+    for o in objects:
+        ends, radius, _ = _round(o)
+        far = max(np.linalg.norm(ends[:3]), np.linalg.norm(ends[3:])) + radius
+        way[o.parentJoint] = max(way[o.parentJoint], far)
+    for j in range(joints.njoints - 1, 0, -1):  # children come after their parents
+        step = np.linalg.norm(joints.jointPlacements[j].translation)
+        parent = joints.parents[j]
+        slide = 0.0
+        if "JointModelP" in joints.joints[j].shortname():
+            index = joints.joints[j].idx_v
+            slide = max(abs(model.lower[index]), abs(model.upper[index]))
+        way[parent] = max(way[parent], way[j] + step + slide)
+    reach = np.zeros(model.nv)
+    for j in range(1, joints.njoints):
+        prismatic = "JointModelP" in joints.joints[j].shortname()
+        reach[joints.joints[j].idx_v] = 1.0 if prismatic else way[j]
+    return read_only(reach)
+
+
+def _round(geometry_object: Any) -> tuple[Array, float, bool]:
+    """Segment (6,) and radius that hold a shape, and whether they are the shape."""
+    shape, placement = geometry_object.geometry, geometry_object.placement
+    if isinstance(shape, coal.Capsule | coal.Sphere):
+        half = shape.halfLength if isinstance(shape, coal.Capsule) else 0.0
+        ends = [placement.act(np.array((0.0, 0.0, z))) for z in (-half, half)]
+        return np.concatenate(ends), float(shape.radius), True
+    shape.computeLocalAABB()
+    half = 0.5 * (np.array(shape.aabb_local.max_) - np.array(shape.aabb_local.min_))
+    axis = int(np.argmax(half))  # round about the longest side of its box
+    along = np.zeros(3)
+    along[axis] = half[axis]
+    ends = [placement.act(shape.aabb_center + sign * along) for sign in (-1.0, 1.0)]
+    return np.concatenate(ends), float(np.linalg.norm(np.delete(half, axis))), False
+
+
+@kernel
+def _bounds(
+    poses: Array, joint: IntArray, ends: Array, radius: Array, pairs: IntArray, exact: BoolArray,
+    position: Array, rotation: Array, near: float, value: Array,
+) -> bool:  # fmt: skip
+    """Distance between the segments of every pair, less the radii; whether one needs a closer look."""
+    unclear = False
+    world = np.empty(ends.shape)
+    for k in range(joint.shape[0]):
+        for e in range(0, 6, 3):
+            x, y, z = ends[k, e], ends[k, e + 1], ends[k, e + 2]
+            for r in range(3):
+                if joint[k] < 0:
+                    world[k, e + r] = (
+                        position[r] + rotation[r, 0] * x + rotation[r, 1] * y + rotation[r, 2] * z
+                    )
+                else:
+                    pose = poses[joint[k]]
+                    world[k, e + r] = pose[9 + r] + pose[r] * x + pose[3 + r] * y + pose[6 + r] * z
+    for k in range(pairs.shape[0]):
+        first, second = world[pairs[k, 0]], world[pairs[k, 1]]
+        gap = _segment_distance(first[:3], first[3:], second[:3], second[3:])
+        value[k] = gap - radius[pairs[k, 0]] - radius[pairs[k, 1]]
+        if not np.isfinite(value[k]):
+            value[k] = -np.inf
+        unclear = unclear or (value[k] <= near and not exact[k])
+    return unclear
+
+
+@kernel
+def _segment_distance(a0: Array, a1: Array, b0: Array, b1: Array) -> float:
+    """Distance of two segments given by their ends; either may be a point."""
+    aa = bb = ab = ar = br = 0.0
+    for r in range(3):
+        da, db, gap = a1[r] - a0[r], b1[r] - b0[r], a0[r] - b0[r]
+        aa += da * da
+        bb += db * db
+        ab += da * db
+        ar += da * gap
+        br += db * gap
+    det = aa * bb - ab * ab
+    s = min(max((ab * br - ar * bb) / det, 0.0), 1.0) if det > 1e-14 * aa * bb else 0.0
+    t = min(max((ab * s + br) / bb, 0.0), 1.0) if bb > 0.0 else 0.0
+    s = min(max((ab * t - ar) / aa, 0.0), 1.0) if aa > 0.0 else 0.0
+    total = 0.0
+    for r in range(3):
+        d = a0[r] - b0[r] + s * (a1[r] - a0[r]) - t * (b1[r] - b0[r])
+        total += d * d
+    return np.sqrt(total)
+
+
 @final
 class Distances:
     """Distances of all pairs of a scene at one configuration; a workspace like `Kinematics`.
 
     Attributes:
         scene: what is measured.
-        value: (P,) signed distances, negative in penetration, [m].
+        near: distances above this need not be exact, [m].
+        value: (P,) signed distances, negative in penetration, [m]; for pairs of shapes that are not
+            round a lower bound where it is above `near`.
     """
 
-    def __init__(self, scene: CollisionScene) -> None:
+    def __init__(self, scene: CollisionScene, near: float = np.inf) -> None:
         self.scene = scene
+        self.near = near
         self._data: Any = pin.GeometryData(scene.geometry)
+        for request in self._data.distanceRequests:
+            request.gjk_tolerance = _TOLERANCE
         self._results = [self._data.distanceResults[k] for k in range(len(scene.pair_names))]
         self._pieces = [self._data.oMg[k] for k in scene.pieces]
+        self._loose: IntArray = np.flatnonzero(~scene.exact)
+        self._placed = False
+        self._pose = (np.zeros(3), np.eye(3))
+        self._kin: Kinematics | None = None
         self.value: Array = np.full(len(self._results), np.inf)
 
     def update(self, kin: Kinematics, position: Array, rotation: Array) -> Distances:
         """Measure at `kin`, with the object at p_WO, R_WO. A distance that is no number becomes -inf."""
-        geometry = self.scene.geometry
-        pin.updateGeometryPlacements(kin.model.pin_model, kin.data, geometry, self._data)
+        scene, value = self.scene, self.value
+        self._placed, self._pose, self._kin = False, (position, rotation), kin
+        unclear = _bounds(
+            kin.joint_poses, scene.joint, scene.ends, scene.radius, scene.pairs, scene.exact,
+            position, rotation, self.near, value,
+        )  # fmt: skip
+        if unclear:
+            self._tighten(self.near)
+        return self
+
+    def smallest(self) -> float:
+        """The least distance, exact, [m]; inf where there are no pairs."""
+        if not self.value.size:
+            return float("inf")
+        if self._loose.size:
+            self._tighten(float(self.value[self.scene.exact].min(initial=np.inf)))
+        return float(self.value.min())
+
+    def _tighten(self, above: float) -> None:
+        """Measure the pairs whose bound is below `above`; a measured one is its own bound."""
+        value = self.value
+        for k in self._loose[np.argsort(value[self._loose])].tolist():
+            if value[k] > above:
+                break
+            value[k] = self._measure(k)
+            if not np.isfinite(value[k]):
+                value[k] = -np.inf
+            elif value[k] < above and above > self.near:
+                above = value[k]
+
+    def _measure(self, pair: int) -> float:
+        """One pair by coal; its witness points and normal are in its result then."""
+        if not self._placed:
+            self._place()
+        pin.computeDistance(self.scene.geometry, self._data, pair)
+        return float(self._results[pair].min_distance)
+
+    def _place(self) -> None:
+        kin, (position, rotation) = self._kin, self._pose
+        assert kin is not None
+        pin.updateGeometryPlacements(
+            kin.model.pin_model, kin.data, self.scene.geometry, self._data
+        )
         for piece in self._pieces:
             piece.translation[...] = position
             piece.rotation[...] = rotation
-        pin.computeDistances(geometry, self._data)
-        self.value[:] = [r.min_distance for r in self._results]
-        if not self.value.size or np.isfinite(self.value.sum()):
-            return self
-        self.value[~np.isfinite(self.value)] = -np.inf
-        return self
-
-    @property
-    def smallest(self) -> float:
-        """Smallest distance over the pairs, [m]; inf where there are none."""
-        return float(self.value.min()) if self.value.size else float("inf")
+        self._placed = True
 
     def gradient(self, pair: int, kin: Kinematics) -> Array:
         """∂d/∂q of one pair, shape (nv,): coal's normal points from the first shape to the second.
@@ -133,6 +295,7 @@ class Distances:
         Both witness points lie on one line along the normal, so one wrench serves both bodies. For
         shapes whose normal is undefined (coincident axes) it is zero.
         """
+        self._measure(pair)
         result = self._results[pair]
         n = result.normal
         if not np.isfinite(n).all() or not n @ n > 0.25:

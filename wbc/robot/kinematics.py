@@ -7,22 +7,50 @@ from typing import Any, final
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import Array
+from wbc.arrays import Array, IntArray
 from wbc.compiled import kernel
+from wbc.errors import WbcError
 from wbc.robot.model import RobotModel
 
 
+def placements(poses: Any) -> Array:
+    """All placements of a Pinocchio vector of SE3 as one array that follows it, shape (n, 12).
+
+    Columns: the rotation column by column, then the translation. Pinocchio keeps them in one block;
+    a view of it spares two calls per placement and tick. The layout is verified here, address by
+    address, so that a Pinocchio which changes it is refused at load rather than misread.
+
+    Raises:
+        WbcError: another layout than the one known.
+    """
+    first = poses[0].rotation
+    base = first.__array_interface__["data"][0]
+    for k in range(len(poses)):
+        r, t = poses[k].rotation, poses[k].translation
+        addresses = [x.__array_interface__["data"][0] for x in (r, t)]
+        if addresses != [base + 96 * k, base + 96 * k + 72] or r.strides != (8, 24):
+            raise WbcError("this version of pinocchio lays out its placements in an unknown way")
+    return np.lib.stride_tricks.as_strided(first, (len(poses), 12), (96, 8), writeable=False)
+
+
 @kernel
-def _frame_jacobians(
-    joint_jacobian: Array, support: Array, position: Array, linear: Array, angular: Array
-) -> None:
-    """Jacobians of all tracked frames from the joints' spatial axes in the world (25).
+def _frames(
+    poses: Array, ids: IntArray, joint_jacobian: Array, support: Array,
+    position: Array, rotation: Array, linear: Array, angular: Array,
+) -> None:  # fmt: skip
+    """Placements and Jacobians of all tracked frames (25).
 
     A joint's column holds the velocity of the world's origin and the angular velocity; a frame at p
     moves with v + ω × p if the joint carries it.
     """
-    for f in range(position.shape[0]):
-        x, y, z = position[f, 0], position[f, 1], position[f, 2]
+    for f in range(ids.shape[0]):
+        pose = poses[ids[f]]
+        for c in range(3):
+            rotation[f, 0, c] = pose[3 * c]
+            rotation[f, 1, c] = pose[3 * c + 1]
+            rotation[f, 2, c] = pose[3 * c + 2]
+        x, y, z = pose[9], pose[10], pose[11]
+        position[f, 0], position[f, 1], position[f, 2] = x, y, z
         s = support[f]
         angular[f] = joint_jacobian[3:] * s
         linear[f, 0] = (joint_jacobian[0] + joint_jacobian[4] * z - joint_jacobian[5] * y) * s
@@ -46,6 +74,7 @@ class Kinematics:
         linear, angular: (F, 3, nv) Jacobians of the origins' velocity and of the angular velocity,
             in the world's axes (25).
         com, com_jacobian: (3,) [m] and (3, nv), fresh only if `track_com`.
+        joint_poses: (njoints, 12) placements of all joints, as from `placements`.
     """
 
     def __init__(
@@ -65,10 +94,9 @@ class Kinematics:
         self.com_jacobian: Array = np.zeros((3, nv))
         ids = [model.frame(name) for name in frames]
         self._support = np.array([model.support(i) for i in ids]).reshape(count, nv)
-        # Views into Pinocchio's data follow it: taking them anew costs more than the kinematics.
-        self._copies = [
-            (self.position[k], self.data.oMf[i].translation) for k, i in enumerate(ids)
-        ] + [(self.rotation[k], self.data.oMf[i].rotation) for k, i in enumerate(ids)]
+        self._ids = np.array(ids, dtype=np.int64)
+        self._frame_poses = placements(self.data.oMf)
+        self.joint_poses = placements(self.data.oMi)
         self._joint_jacobian: Array = self.data.J
 
     def update(self, q: Array) -> Kinematics:
@@ -76,11 +104,10 @@ class Kinematics:
         self.q[:] = q
         pin.computeJointJacobians(self.model.pin_model, self.data, q)
         pin.updateFramePlacements(self.model.pin_model, self.data)
-        for target, source in self._copies:
-            target[...] = source
-        _frame_jacobians(
-            self._joint_jacobian, self._support, self.position, self.linear, self.angular
-        )
+        _frames(
+            self._frame_poses, self._ids, self._joint_jacobian, self._support,
+            self.position, self.rotation, self.linear, self.angular,
+        )  # fmt: skip
         if self.track_com:
             self.com_jacobian[:] = pin.jacobianCenterOfMass(self.model.pin_model, self.data, q)
             self.com[:] = self.data.com[0]

@@ -23,7 +23,7 @@ from wbc.robot.kinematics import Kinematics
 from wbc.robot.model import RobotModel, load_robot
 from wbc.robot.pruning import PairReport
 from wbc.rotations import rotation_from_quaternion
-from wbc.scenario.build_costs import build_costs, watched_pairs
+from wbc.scenario.build_costs import build_costs, nearness, watched_pairs
 from wbc.scenario.build_phases import build_phases
 from wbc.scenario.build_tasks import build_tasks, tracked_frames
 from wbc.scenario.kinds import BoxSpec, ObjectPoseSpec, SuperellipsoidSpec, SurfaceSpec
@@ -110,10 +110,11 @@ def _assemble(loaded: Loaded, model: RobotModel) -> Assembly:
     stack = TaskStack(tasks, grasp.count, metric)
     scene, report = watched_pairs(scenario, loaded.path, model, grasp)
     costs = build_costs(scenario, model, scene)
-    distances = Distances(scene) if scene is not None else None
+    near = nearness(scenario)
+    distances = Distances(scene, near) if scene is not None else None
     law = Law(kin, stack, costs, distances, scenario.stack.gradient_gain)  # fmt: skip
     forecast = CostForecast(
-        tuple(costs), Kinematics(model, ()), Distances(scene) if scene is not None else None
+        tuple(costs), Kinematics(model, ()), Distances(scene, near) if scene is not None else None
     )
     settings = scenario.supervisor
     controller = Controller(

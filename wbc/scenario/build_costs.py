@@ -65,6 +65,12 @@ def watched_pairs(
     return collision_scene(model, geometry, added, report.kept), report
 
 
+def nearness(scenario: Scenario) -> float:
+    """The largest safety distance: what is further apart costs nothing, [m]."""
+    specs = scenario.costs.values()
+    return max((c.safety_distance for c in specs if isinstance(c, CollisionSpec)), default=0.0)
+
+
 def build_costs(scenario: Scenario, model: RobotModel, scene: CollisionScene | None) -> list[Cost]:
     """The scenario's costs in the order of the file."""
     costs: list[Cost] = []

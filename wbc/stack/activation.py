@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import Array
+from wbc.compiled import kernel
 
 
 class Activation(NamedTuple):
@@ -39,10 +40,14 @@ def advance(activation: Activation, target: Array, rate: float, dt: float) -> Ac
     """
     if math.isinf(rate):
         return Activation(target.copy(), target.copy())
-    decay = math.exp(-rate * dt)
-    gap = activation.lag - target
-    rho = target + (activation.rho - target + gap * (rate * dt)) * decay
-    return Activation(rho, target + gap * decay)
+    return Activation(*_advance(activation.rho, activation.lag, target, rate * dt))
+
+
+@kernel
+def _advance(rho: Array, lag: Array, target: Array, turns: float) -> tuple[Array, Array]:
+    decay = np.exp(-turns)
+    gap = lag - target
+    return target + (rho - target + gap * turns) * decay, target + gap * decay
 
 
 def published(t: float, since: float, rate: float, *, inserted: bool) -> float:

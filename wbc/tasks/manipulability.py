@@ -21,7 +21,7 @@ def manipulability_gradient(
     """w = sqrt(det(J Jᵀ)) of a chain's position Jacobian (46) and its gradient.
 
     dw/dq_k = w tr((J Jᵀ)⁻¹ ∂J/∂q_k Jᵀ), with ∂J_j/∂q_k = ω_min(j,k) × J_max(j,k) for a serial chain
-    listed from its root.
+    listed from its root; in two sweeps along the chain.
 
     Args:
         linear, angular: (3, nv) Jacobians of the tip.
@@ -45,13 +45,15 @@ def manipulability_gradient(
     w: float = np.sqrt(det)
     m = np.zeros((3, n))  # (J Jᵀ)⁻¹ J
     m[:size] = adjugate @ j[:size] / det
+    # Σ_i ∂J_i/∂q_k · m_i splits at k: J_k · Σ_{i<=k} m_i × ω_i + ω_k · Σ_{i>k} J_i × m_i
+    before, after = np.zeros(3), np.zeros(3)
+    for i in range(n):
+        after += cross(j[:, i], m[:, i])
     for k in range(n):
-        total = 0.0
-        for i in range(n):
-            first, last = min(i, k), max(i, k)
-            dj = cross(angular[:, chain[first]], j[:, last])
-            total += dj[0] * m[0, i] + dj[1] * m[1, i] + dj[2] * m[2, i]
-        gradient[chain[k]] = w * total
+        turn = angular[:, chain[k]]
+        before += cross(m[:, k], turn)
+        after -= cross(j[:, k], m[:, k])
+        gradient[chain[k]] = w * (np.sum(j[:, k] * before) + np.sum(turn * after))
     return w
 
 
