@@ -5,13 +5,17 @@ from __future__ import annotations
 import sys
 import threading
 import time
+from collections.abc import Callable
 from typing import TextIO, final
 
+from wbc.compiled import COMPILED
 from wbc.control.state import TickRecord
 
 _ON_TERMINAL = 0.1
 _PLAIN = 10.0
-_PATIENCE = 1.5
+_PATIENCE = 2.5
+_COMPILING = "compiling the kernels (once)..."
+_LOADING = "loading..."
 
 
 @final
@@ -78,15 +82,19 @@ class Progress:
 
 @final
 class SlowNotice:
-    """Says `text` if what happens inside takes long enough for somebody to wonder."""
+    """Says why, if what happens inside takes long enough for somebody to wonder."""
 
-    def __init__(self, progress: Progress, text: str) -> None:
-        self._timer = threading.Timer(_PATIENCE, progress.say, (text,))
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._timer = threading.Timer(_PATIENCE, say, (_COMPILING if COMPILED else _LOADING,))
         self._timer.daemon = True
+
+    def over(self) -> None:
+        """What may take long is done."""
+        self._timer.cancel()
 
     def __enter__(self) -> SlowNotice:
         self._timer.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._timer.cancel()
+        self.over()

@@ -22,7 +22,6 @@ from wbc.cli.session import (
     results_folder,
     run_meta,
 )
-from wbc.compiled import COMPILED
 from wbc.control.state import ControllerState, TickRecord
 from wbc.errors import WbcError
 from wbc.recording import Log, Outcome, Recorder, summarize, write
@@ -32,7 +31,6 @@ from wbc.sim.kinematic import run
 from wbc.view import LiveView
 from wbc.view.from_robot import SnapshotMaker, robot_scene
 
-_COMPILING = "compiling the kernels (once on this machine; about a minute)..."
 _LATE = 0.1  # behind by more than this, the pace starts anew rather than hurry, [s]
 
 
@@ -44,7 +42,7 @@ def run_command(arguments: argparse.Namespace) -> int:
     phases = tuple(phase.name for phase in loaded.scenario.phases) or ("run",)
     progress = Progress(phases, simulation.duration)
     with contextlib.ExitStack() as stack, Interrupts() as interrupts:
-        notice = stack.enter_context(SlowNotice(progress, _COMPILING if COMPILED else "loading..."))
+        notice = stack.enter_context(SlowNotice(progress.say))
         assembly = build(loaded)
         viewer = stack.enter_context(_Viewer(assembly, arguments)) if arguments.view else None
         session = _Session(assembly, Recorder(run_meta(assembly), assembly.ticks), progress)
@@ -144,7 +142,7 @@ class _Session:
         last: TickRecord | None = None
         for record, state in run(assembly.controller, assembly.start, assembly.ticks):
             if last is None:
-                notice.__exit__()
+                notice.over()
                 began = time.perf_counter()
                 interrupts.ticking = True
             self.recorder.append(record)
@@ -188,6 +186,10 @@ class _Pace:
             self._due = time.monotonic()
 
 
+def _copy(path: Path, text: bytes) -> None:
+    write_whole(path, lambda file: file.write(text))
+
+
 def _written(folder: Path, log: Log, summary: dict[str, Any], assembly: Assembly) -> bool:
     """Whether every file of the run could be written; each that could not is told."""
     texts = {
@@ -202,7 +204,7 @@ def _written(folder: Path, log: Log, summary: dict[str, Any], assembly: Assembly
             elif name == SUMMARY:
                 write(summary, folder / name)
             else:
-                write_whole(folder / name, lambda file, text=texts[name]: file.write(text))
+                _copy(folder / name, texts[name])
         except WbcError as error:
             print(error, file=sys.stderr)
             good = False

@@ -103,29 +103,48 @@ class ObjectReference(NamedTuple):
 
 
 class GraspClass(NamedTuple):
-    """Classification of a grasp from (33), as printed by ``wbc check``.
+    """What kind of grasp (33) describes; made by `wbc.contact.classify`.
 
     Attributes:
-        rows, columns: size of J̃.
+        fingers: those in contact.
+        rows, columns: size of J̃ (34): all joints, and the contact variables free to move.
         rank: numerical rank of J̃.
-        smallest_singular_value: of J̃.
-        condition: largest over smallest singular value of J̃.
-        redundant: some finger's [J_F J_η] has a null space.
-        indeterminate: object and passive joints can move while the active joints are locked.
-        force_closure: unit normals balance in force and moment for the given contacts, or (planar,
-            two fingers) face each other on one line; see `force_closure_residual`.
-        force_closure_residual: |Σ n̂| and |Σ c × n̂| of (44)-(45), [1, m].
+        smallest_singular_value, condition: of J̃ in SI units; condition is largest over smallest.
+        redundant_fingers: those whose own [J_F J_η] has a null space.
+        free_motions: dimension of the motions of object and passive joints that remain while every
+            active joint is locked.
+        residuals: ε_f [1] and ε_m [m²] of (44)-(45) over the fingers in contact.
+        friction_needed: least friction coefficient of point contacts with which the grasp is force
+            closed; 0 where any nonzero one will do, inf where none does.
     """
 
+    fingers: tuple[str, ...]
     rows: int
     columns: int
     rank: int
     smallest_singular_value: float
     condition: float
-    redundant: bool
-    indeterminate: bool
-    force_closure: bool
-    force_closure_residual: tuple[float, float]
+    redundant_fingers: tuple[str, ...]
+    free_motions: int
+    residuals: tuple[float, float]
+    friction_needed: float
+
+    @property
+    def redundant(self) -> bool:
+        """Active and passive joints of some finger can move while the object is locked."""
+        return bool(self.redundant_fingers)
+
+    @property
+    def indeterminate(self) -> bool:
+        """The object can move while the active joints are locked."""
+        return self.free_motions > 0
+
+    def force_closed(self, mu: float | None = None) -> bool:
+        """Whether point contacts of friction `mu` hold the object against any small wrench.
+
+        Without `mu`: whether any nonzero friction will do, as in the chapter's case study.
+        """
+        return self.friction_needed == 0.0 if mu is None else self.friction_needed < mu
 
 
 def equilibrium_residuals(points: Array, normals: Array) -> tuple[float, float]:

@@ -1,0 +1,224 @@
+"""``wbc check``: everything about a scenario that can be known without running it."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Iterable
+from textwrap import wrap
+
+import numpy as np
+
+from wbc.arrays import Array
+from wbc.cli.progress import SlowNotice
+from wbc.cli.session import load_with_settings
+from wbc.contact.classify import classify
+from wbc.contact.extended_finger import ExtendedKinematics
+from wbc.contact.grasp import ContactMode, ContactState, GraspClass
+from wbc.control.phases import Phase
+from wbc.control.setup import close_grasp
+from wbc.errors import SetupError
+from wbc.robot.model import RobotModel
+from wbc.robot.pruning import PairReport
+from wbc.scenario.build import Assembly, build
+
+_NEAREST = 5  # pairs listed with their distance
+_WIDTH = 96
+
+
+def check_command(arguments: argparse.Namespace) -> int:
+    """Print what the scenario amounts to; 2 if it cannot be run as it is."""
+    loaded = load_with_settings(arguments)
+    with SlowNotice(lambda text: print(text, file=sys.stderr)):
+        assembly = build(loaded)
+    scenario = loaded.scenario
+    print(f"{scenario.name}: {scenario.description}".rstrip(": "))
+    simulation = scenario.simulation
+    print(
+        f"  {assembly.ticks} ticks of {1e3 * simulation.step:g} ms, {simulation.integrator}, "
+        f"seed {simulation.seed}, sha256 {loaded.hash[:12]}"
+    )
+    faults: list[str] = []
+    for title, lines in (
+        ("robot", _robot(assembly.model)),
+        ("tasks, highest priority first", _tasks(assembly)),
+        ("collision pairs", _pairs(assembly.pairs)),
+        ("start", _start(assembly, faults)),
+        ("phases", _phases(assembly)),
+    ):
+        print(title)
+        for line in lines:
+            print(f"  {line}")
+    for fault in faults:
+        print(f"{loaded.source.shown}: {fault}", file=sys.stderr)
+    print("faults found, see above" if faults else "ready to run")
+    return 2 if faults else 0
+
+
+def _robot(model: RobotModel) -> Iterable[str]:
+    where = "in its plane" if model.planar else "in space"
+    yield f"{model.path.name}: {model.nv} joints, moves {where}"
+    width = max(len(name) for name in model.joint_names)
+    for j, name in enumerate(model.joint_names):
+        scale, unit, rate, effort = _units(model, j)
+        low, high = scale * model.lower[j], scale * model.upper[j]
+        yield (
+            f"{name:<{width}}  {low:8.1f} to {high:7.1f} {unit}"
+            f"   {model.velocity[j]:g} {rate}   {model.effort[j]:g} {effort}"
+        )
+
+
+def _units(model: RobotModel, joint: int) -> tuple[float, str, str, str]:
+    """Factor and unit of positions, units of velocity and effort."""
+    if "JointModelP" in model.pin_model.joints[joint + 1].shortname():
+        return 1e3, "mm", "m/s", "N"
+    return 180.0 / math.pi, "deg", "rad/s", "Nm"
+
+
+def _tasks(assembly: Assembly) -> Iterable[str]:
+    controller = assembly.controller
+    tasks = controller.law.stack.tasks[: len(controller.task_names) - _count(assembly)]
+    if assembly.main_task is not None:
+        spec = assembly.loaded.scenario.tasks[assembly.main_task]
+        yield f"{assembly.main_task}: {spec.type}, main task"
+    for task in tasks:
+        spec = assembly.loaded.scenario.tasks[task.name]
+        rows = f"{task.rows} row{'s' if task.rows > 1 else ''}"
+        yield f"{task.name}: {spec.type}, {rows}, {task.gain:g} /s"
+
+
+def _count(assembly: Assembly) -> int:
+    return assembly.controller.law.kin.grasp.count
+
+
+def _pairs(report: PairReport | None) -> Iterable[str]:
+    if report is None:
+        yield "no collision cost: nothing is watched"
+        return
+    yield f"{len(report.kept)} watched"
+    for what, pairs in (
+        ("share a joint", report.adjacent),
+        ("always in collision, left out", report.always),
+        ("never near each other, left out", report.never),
+        ("switched off", report.disabled),
+    ):
+        yield f"{len(pairs)} {what}" + (":" if pairs else "")
+        if pairs:
+            for first in dict.fromkeys(a for a, _ in pairs):
+                others = ", ".join(b for a, b in pairs if a == first)
+                yield from wrap(
+                    f"{first} - {others}", _WIDTH, initial_indent="  ", subsequent_indent="    "
+                )
+
+
+def _start(assembly: Assembly, faults: list[str]) -> Iterable[str]:
+    """Distances, limits and manipulability at the closed start; collisions are faults."""
+    law, state, model = assembly.controller.law, assembly.start, assembly.model
+    kin = law.kin.update(state.q, state.contact, law.kin.reference)
+    if kin.holding:
+        errors = np.linalg.norm(kin.error[state.contact.mode != ContactMode.FREE, :3], axis=1)
+        yield f"{kin.holding} fingers closed on the object to {errors.max():.1e} m"
+    room = np.minimum(state.q - model.lower, model.upper - state.q)
+    j = int(np.argmin(room))
+    scale, unit, *_ = _units(model, j)
+    yield f"nearest joint limit: {model.joint_names[j]}, {scale * room[j]:.1f} {unit} away"
+    if law.distances is None or not len(law.distances.scene.pair_names):
+        return
+    distances = law.distances.update(kin.robot, kin.object_position, kin.object_rotation)
+    names = distances.scene.pair_names
+    order = np.argsort(distances.value)
+    yield "nearest watched pairs:"
+    for k in order[:_NEAREST]:
+        yield f"  {names[k][0]}-{names[k][1]}: {distances.value[k]:.3f} m"
+    for k in order:
+        if not distances.value[k] > 0.0:
+            a, b = names[k]
+            depth = -1e3 * float(distances.value[k])
+            faults.append(
+                f"start: '{a}' and '{b}' collide, {depth:.1f} mm deep (move the robot's start or "
+                "the object, or leave the pair out in robot.collisions)"
+            )
+
+
+def _phases(assembly: Assembly) -> Iterable[str]:
+    """Each phase's grasp, with its fingers closed on their planned contact points."""
+    q = assembly.start.q
+    for number, phase in enumerate(assembly.controller.phases.phases, start=1):
+        touching = [
+            f"{finger} {ContactMode(int(mode)).name.lower()}"
+            for finger, mode in zip(_grasp_fingers(assembly), phase.mode, strict=True)
+            if mode != ContactMode.FREE
+        ]
+        yield f"{number}. {phase.name}: {', '.join(touching) or 'no contact'}{_ends(phase)}"
+        if not touching:
+            continue
+        try:
+            q = _closed(assembly, phase, q)
+        except SetupError as error:
+            yield f"   not evaluated at the planned contact points: {error}"
+            continue
+        yield from (f"   {line}" for line in _grasp_lines(classify(assembly.controller.law.kin)))
+        yield f"   manipulability: {_manipulability(assembly, phase)}"
+
+
+def _grasp_fingers(assembly: Assembly) -> tuple[str, ...]:
+    return assembly.controller.law.kin.grasp.fingers
+
+
+def _ends(phase: Phase) -> str:
+    if math.isinf(phase.until.time):
+        return "; to the end"
+    late = "" if math.isinf(phase.timeout) else f", by {phase.timeout:g} s or {phase.on_timeout}"
+    return f"; {phase.until.time:g} s or more{late}"
+
+
+def _closed(assembly: Assembly, phase: Phase, q: Array) -> Array:
+    """Bring the kinematics to the phase's grasp near q; the configuration that closes it."""
+    kin, n = assembly.controller.law.kin, _count(assembly)
+    start = ContactState(phase.mode, np.array(kin.grasp.at), np.tile(np.eye(3), (n, 1, 1)))
+    reference = kin.reference._replace(reach=phase.pad)
+    kin.reference = reference
+    closed = close_grasp(kin, q, start)
+    free = start._replace(mode=np.zeros(n, dtype=np.int64))
+    kin.update(closed, free, reference)
+    pivot = np.array([kin.touch(i) for i in range(n)]).reshape(n, 3, 3)
+    kin.update(closed, start._replace(pivot=pivot), reference)
+    return closed
+
+
+def _grasp_lines(grasp: GraspClass) -> Iterable[str]:
+    yield (
+        f"J~ {grasp.rows} x {grasp.columns}, rank {grasp.rank}, smallest singular value "
+        f"{grasp.smallest_singular_value:.3g}, condition {grasp.condition:.3g}"
+    )
+    redundant = (
+        f"redundant ({', '.join(grasp.redundant_fingers)})" if grasp.redundant else "not redundant"
+    )
+    loose = (
+        f"indeterminate ({grasp.free_motions} free motions)"
+        if grasp.indeterminate
+        else "determinate"
+    )
+    yield f"{redundant}, {loose}"
+    eps_f, eps_m = grasp.residuals
+    yield f"force closure: {_closure(grasp)}; eps_f {eps_f:.2g}, eps_m {eps_m:.2g} m²"
+
+
+def _closure(grasp: GraspClass) -> str:
+    needed = grasp.friction_needed
+    if needed == 0.0:
+        return "with any friction"
+    return "none with point contacts" if math.isinf(needed) else f"with friction above {needed:.3g}"
+
+
+def _manipulability(assembly: Assembly, phase: Phase) -> str:
+    """w = sqrt(det(J Jᵀ)) of (46) of each finger in contact."""
+    kin: ExtendedKinematics = assembly.controller.law.kin
+    size, unit = (2, "m²") if kin.grasp.planar else (3, "m³")
+    parts = []
+    for i in np.flatnonzero(phase.mode != ContactMode.FREE):
+        j = kin.robot.linear[i, :size]
+        w = math.sqrt(max(float(np.linalg.det(j @ j.T)), 0.0))
+        parts.append(f"{kin.grasp.fingers[i]} {w:.3g}")
+    return ", ".join(parts) + f" {unit}"
