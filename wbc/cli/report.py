@@ -7,12 +7,16 @@ from typing import Any
 
 
 def report_lines(summary: dict[str, Any], took: float) -> list[str]:
-    """Success or why not, then the facts a reader looks for first."""
+    """Success or why not, then the facts a reader looks for first.
+
+    Args:
+        took: computing time of the ticks after the first, [s].
+    """
     ticks = summary["ticks"]
     verdict = "success" if summary["success"] else f"no success: {summary['reason']}"
     lines = [f"{summary['scenario']}: {verdict}"]
-    speed = f"{1e3 * took / ticks:.2f} ms per tick" if ticks else "no tick"
-    lines.append(f"  run            {summary['duration']:.3g} s in {ticks} ticks, {speed}")
+    speed = f", {1e3 * took / (ticks - 1):.2f} ms per tick" if ticks > 1 else ""
+    lines.append(f"  run            {summary['duration']:.3g} s in {ticks} ticks{speed}")
     rows = (
         ("phases", _phases(summary)),
         ("object error", _object(summary)),

@@ -124,7 +124,7 @@ class _Session:
 
     Attributes:
         state: after the last tick recorded.
-        took: wall-clock time of the ticks, [s].
+        took: computing time of the ticks after the first, [s].
     """
 
     assembly: Assembly
@@ -139,15 +139,15 @@ class _Session:
         """Tick until the scenario's time is over or a signal comes."""
         assembly = self.assembly
         pace = _Pace(assembly.controller.settings.dt) if self.paced else None
-        last: TickRecord | None = None
+        began = time.perf_counter()
         for record, state in run(assembly.controller, assembly.start, assembly.ticks):
-            if last is None:
+            if self.state is None:  # the first tick may have compiled: it is not counted
                 notice.over()
-                began = time.perf_counter()
                 interrupts.ticking = True
+            else:
+                self.took += time.perf_counter() - began
             self.recorder.append(record)
-            self.state, last = state, record
-            self.took = time.perf_counter() - began
+            self.state = state
             self.progress.tick(record)
             if self.viewer is not None:
                 self.viewer.show(record, self.progress)
@@ -155,6 +155,7 @@ class _Session:
                 break
             if pace is not None:
                 pace.wait()
+            began = time.perf_counter()
 
     def save(self, folder: Path, *, interrupted: bool) -> tuple[dict[str, Any], bool]:
         """Write log and summary; the summary, and whether everything was written."""

@@ -20,6 +20,7 @@ from wbc.view.scene import Kind, ObjectShape, Rgba, Scene, SceneShape, Snapshot
 
 _GREY: Rgba = (0.6, 0.62, 0.66, 1.0)
 _ROUND = 240  # points of a contour: no corner is seen
+_WINDOW = 1.2  # width over height of a window's free part
 _LEAST_EXTENT = 1e-3  # [m]
 
 
@@ -148,8 +149,9 @@ def _camera(
     low, high = np.min(points, axis=0), np.max(points, axis=0)
     x, y, z = (float(c) for c in 0.5 * (low + high))
     size = high - low
-    # In the plane the camera looks from above: only x and y count, and the picture is wide.
-    extent = 0.5 * float(size[:2].max() if model.planar else np.linalg.norm(size))
+    # In the plane the camera looks from above: only x and y count, and windows are wide.
+    across = max(float(size[0]) / _WINDOW, float(size[1]))
+    extent = 0.5 * (across if model.planar else float(np.linalg.norm(size)))
     return (x, y, 0.0 if model.planar else z), max(extent, _LEAST_EXTENT)
 
 
