@@ -1,7 +1,7 @@
 """The record of a run: log, summary, plots and picture strip.
 
-Plots are in `wbc.recording.plots` and `wbc.recording.strip`, imported where they are drawn: they load
-matplotlib, which a run has no need of.
+Plots are in `wbc.recording.plots` and `wbc.recording.strip`, imported where they are drawn:
+matplotlib is nothing a run has need of.
 """
 
 from __future__ import annotations

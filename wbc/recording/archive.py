@@ -10,6 +10,7 @@ import io
 import math
 import os
 import stat
+import sys
 import zipfile
 import zlib
 from collections.abc import Collection, Mapping
@@ -25,6 +26,7 @@ from wbc.recording.files import write_whole
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 _MOST_MEMBERS = 256
 _FREE_SIZE = 64 << 20
+_LAST = sys.maxunicode
 _MOST_RATIO = 20  # a log stored as written here has ratio 1, a deflated one about 3
 
 
@@ -106,7 +108,9 @@ def _array(name: str, data: bytes) -> NDArray[Any]:
             shape, by_column, dtype = np.lib.format.read_array_header_2_0(stream)
         else:
             raise WbcError(f"array '{name}' has an unknown format")
-    except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError) as error:
+    except WbcError:
+        raise
+    except Exception as error:  # NumPy hands the header to Python's own parsers: no list is whole
         raise WbcError(f"array '{name}' has a damaged header") from error
     if dtype.hasobject:
         raise WbcError(f"array '{name}' holds Python objects; not read")
@@ -117,8 +121,11 @@ def _array(name: str, data: bytes) -> NDArray[Any]:
         raise WbcError(f"array '{name}' of shape {shape} does not fit its {rest} bytes")
     if rest == 0:
         return np.empty(shape, dtype)
-    kind = dtype.kind
+    kind, start = dtype.kind, stream.tell()
+    if kind == "U" and np.frombuffer(data, dtype.byteorder + "u4", offset=start).max() > _LAST:
+        raise WbcError(f"array '{name}' holds what is no text")
     if kind == "b":  # a byte other than 0 and 1 is no bool; make it one
-        dtype = np.dtype(np.uint8)
-    array: NDArray[Any] = np.frombuffer(data, dtype, offset=stream.tell()).reshape(shape)
-    return array != 0 if kind == "b" else array
+        truth: NDArray[Any] = np.frombuffer(data, np.uint8, offset=start).reshape(shape) != 0
+        return truth
+    array: NDArray[Any] = np.frombuffer(data, dtype, offset=start).reshape(shape)
+    return array

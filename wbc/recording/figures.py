@@ -130,7 +130,7 @@ def log_axis(
         axes.set_ylim(1e-12, 1.0)
         return
     top = 10.0 ** np.ceil(np.log10(known.max()) + 0.1)
-    bottom = 10.0 ** np.floor(np.log10(known.min()))
+    bottom = 10.0 ** np.floor(np.log10(known.min()) - 0.1)
     axes.set_ylim(min(max(bottom, top * 10.0**-most_decades, least), 0.1 * top), top)
 
 
@@ -140,8 +140,9 @@ def above_zero(values: Array) -> Array:
 
 
 def threshold(axes: Axes, value: float | None, label: str) -> None:
-    """A dashed line at `value`, named at its right end."""
-    if value is None or not np.isfinite(value):
+    """A dashed line at `value`, named at its right end, if the axes show it."""
+    low, high = axes.get_ylim()
+    if value is None or not low <= value <= high:
         return
     axes.axhline(value, color=WARNING, linewidth=0.9, linestyle=(0, (4, 3)))
     axes.annotate(

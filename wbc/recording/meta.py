@@ -7,8 +7,9 @@ import hashlib
 import json
 import math
 import platform
+import types
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import metadata
 from typing import Any
@@ -142,7 +143,7 @@ def _typed(name: str, value: Any, hint: Any) -> Any:
             return tuple(map(float, filled))
     if hint == Mapping[str, str] and isinstance(value, dict) and _all([*value.values()], str):
         return value
-    options = typing.get_args(hint) or (hint,)
+    options = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
     if value is None and type(None) in options:
         return None
     if float in options and _all([value], (int, float)):
@@ -156,6 +157,6 @@ def _typed(name: str, value: Any, hint: Any) -> Any:
 
 def _all(values: Any, kind: type | tuple[type, ...]) -> bool:
     # a bool is an int to Python, never to a log
-    return isinstance(values, Sequence) and all(
+    return isinstance(values, list) and all(
         isinstance(x, kind) and not isinstance(x, bool) for x in values
     )

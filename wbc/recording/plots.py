@@ -169,9 +169,11 @@ def motion(log: Log) -> Figure:
     for axes, limits in ((top, (*meta.q_lower, *meta.q_upper)), (middle, _both(meta.v_limit))):
         # limits shared by all joints are lines; a limit far from the motion would flatten it
         low, high = axes.get_ylim()
-        for value in sorted(set(limits)):
-            if low - 0.15 * (high - low) < value < high + 0.15 * (high - low):
-                threshold(axes, value, "limit")
+        room = 0.15 * (high - low)
+        shown = [x for x in sorted(set(limits)) if low - room < x < high + room]
+        axes.set_ylim(min([low, *(x - 0.1 * room for x in shown)]), max([high, *shown]) + room)
+        for value in shown:
+            threshold(axes, value, "limit")
     steps = velocity_steps(log)
     bottom.plot(log.t, above_zero(steps), color=COLORS[0])
     log_axis(bottom, [steps], most_decades=8)

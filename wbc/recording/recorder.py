@@ -85,13 +85,13 @@ class Recorder:
         Args:
             complete: False for a run that was cut short.
         """
-        rows, sizes = self._block[: self._count], self._sizes()
+        sizes = self._sizes()
+        rows = self._block[: self._count] if self._count else np.empty((0, self._width()))
         single = {name: rows[:, k] for k, name in enumerate(_SINGLE)}
         vector, start = {}, len(_SINGLE)
         for name, shape in sizes.items():
             width = int(np.prod(shape))
-            columns = rows[:, start : start + width] if len(rows) else np.empty((0, width))
-            vector[name] = columns.reshape(len(rows), *shape)
+            vector[name] = rows[:, start : start + width].reshape(len(rows), *shape)
             start += width
         values: dict[str, Any] = {
             **single,
@@ -126,6 +126,10 @@ class Recorder:
         )  # fmt: skip
         return dict(zip(_VECTORS, shapes, strict=True))
 
+    def _width(self) -> int:
+        """Doubles in a row."""
+        return len(_SINGLE) + sum(int(np.prod(shape)) for shape in self._sizes().values())
+
     def _grow(self, record: TickRecord) -> None:
         if self._count == 0:  # the number of levels is the one size that the names do not tell
             self._freedom = len(record.freedom)
@@ -133,8 +137,7 @@ class Recorder:
                 got = np.shape(getattr(record, name))
                 if got != shape:
                     raise ValueError(f"record.{name} has shape {got}, expected {shape}")
-        width = len(_SINGLE) + sum(int(np.prod(shape)) for shape in self._sizes().values())
-        block = np.empty((max(self._capacity, 2 * self._count), width))
+        block = np.empty((max(self._capacity, 2 * self._count), self._width()))
         block[: self._count] = self._block[: self._count] if self._count else 0.0
         self._block = block
 

@@ -131,11 +131,10 @@ def draw_strip(stage: Stage, instants: Sequence[Instant], path: str | os.PathLik
         raise WbcError("no picture strip: no instant was given")
     view = View.from_above() if stage.planar else View.oblique()
     with style(), np.errstate(all="ignore"):
-        boxes = [_box(stage, instant, view) for instant in instants]
-        low = np.nanmin([b[0] for b in boxes], axis=0)
-        high = np.nanmax([b[1] for b in boxes], axis=0)
-        if not np.isfinite([low, high]).all():
+        points = np.concatenate([_covered(stage, instant, view) for instant in instants])
+        if not len(points):
             raise WbcError("no picture strip: no body has a finite pose")
+        low, high = points.min(axis=0), points.max(axis=0)
         margin = 0.04 * float(np.max(high - low)) + 1e-6
         low, high = low - margin, high + margin
         aspect = float((high[1] - low[1]) / (high[0] - low[0]))
@@ -173,8 +172,8 @@ def _placed(stage: Stage, instant: Instant) -> list[tuple[Shape, Array]]:
     return [(s, pose) for s, pose in poses_of if np.isfinite(pose).all()]
 
 
-def _box(stage: Stage, instant: Instant, view: View) -> tuple[Array, Array]:
-    """Smallest and largest picture coordinates, (2,) each; the world's own shapes do not count."""
+def _covered(stage: Stage, instant: Instant, view: View) -> Array:
+    """(n, 2) picture coordinates of all that moves, [m]; the world's own shapes do not count."""
     drawn = [
         piece
         for shape, pose in _placed(stage, instant)
@@ -184,8 +183,9 @@ def _box(stage: Stage, instant: Instant, view: View) -> tuple[Array, Array]:
     if stage.object is not None:
         pose = matrices(instant.object_pose)[0]
         drawn.append(view.flat(stage.object.vertices @ pose[:3, :3].T + pose[:3, 3]))
-    points = np.concatenate([np.full((1, 2), np.nan), *drawn])
-    return np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    points = np.concatenate([np.empty((0, 2)), *drawn])
+    finite: Array = points[np.isfinite(points).all(axis=1)]
+    return finite
 
 
 def _draw(axes: Axes, stage: Stage, instant: Instant, view: View) -> None:
@@ -195,33 +195,40 @@ def _draw(axes: Axes, stage: Stage, instant: Instant, view: View) -> None:
         f"{instant.t:.2f} s  {name.replace('_', ' ')}", pad=4.0, fontsize=8.0, loc="center",
         fontweight="normal",
     )  # fmt: skip
-    if stage.object is not None:
-        _draw_object(axes, stage.object, matrices(instant.object_pose)[0], view)
-    # from the back to the front
-    placed = sorted(_placed(stage, instant), key=lambda s: float(view.depth(s[1][:3, 3])))
-    for shape, pose in placed:
-        pieces = outline(shape.kind, shape.size, shape.vertices, shape.triangles, pose, view)
-        if shape.kind == "line":
-            for piece in pieces:
-                axes.plot(*piece.T, color=shape.rgba[:3], linewidth=1.0)
-            continue
-        smooth = shape.kind != "mesh"
-        axes.add_collection(
-            PolyCollection(
-                [p.tolist() for p in pieces],
-                facecolors=[shape.rgba],
-                edgecolors=_EDGE if smooth else "none",
-                linewidths=0.5,
-                zorder=3,
-            )
-        )
+    # the world's own shapes are the background, the rest goes from the back to the front; in the
+    # plane, where all are level, fingers are drawn over the object
+    order = [
+        (shape.body is not None, float(view.depth(pose[:3, 3])), shape, pose)
+        for shape, pose in _placed(stage, instant)
+    ]
+    item = matrices(instant.object_pose)[0] if stage.object is not None else np.full((4, 4), np.nan)
+    if stage.object is not None and np.isfinite(item).all():
+        _draw_object(axes, stage.object, item, view, 1.0)
+    front = -np.inf if stage.planar else float(view.depth(item[:3, 3]))
+    for moves, depth, shape, pose in sorted(order, key=lambda entry: entry[:2]):
+        layer = 2.0 if depth >= front or np.isnan(front) else 0.5
+        _draw_shape(axes, shape, pose, view, layer if moves else 0.0)
     _draw_contacts(axes, stage, instant, view)
 
 
-def _draw_object(axes: Axes, body: ObjectBody, pose: Array, view: View) -> None:
-    """Its mesh, shaded by the slope of its faces, and its true contour on top."""
-    if not np.isfinite(pose).all():
+def _draw_shape(axes: Axes, shape: Shape, pose: Array, view: View, layer: float) -> None:
+    pieces = outline(shape.kind, shape.size, shape.vertices, shape.triangles, pose, view)
+    if shape.kind == "line":
+        for piece in pieces:
+            axes.plot(*piece.T, color=shape.rgba[:3], linewidth=1.0, zorder=layer)
         return
+    edge = "none" if shape.kind == "mesh" else _EDGE  # a mesh would drown in its edges
+    axes.add_collection(
+        PolyCollection(
+            [p.tolist() for p in pieces], facecolors=[shape.rgba], edgecolors=edge, linewidths=0.5,
+            zorder=layer,
+        ),
+        autolim=False,
+    )  # fmt: skip
+
+
+def _draw_object(axes: Axes, body: ObjectBody, pose: Array, view: View, layer: float) -> None:
+    """Its mesh, shaded by the slope of its faces, and its true contour on top."""
     world = body.vertices @ pose[:3, :3].T + pose[:3, 3]
     corners = world[body.triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -234,11 +241,13 @@ def _draw_object(axes: Axes, body: ObjectBody, pose: Array, view: View) -> None:
     faces = view.flat(corners[seen].reshape(-1, 3)).reshape(-1, 3, 2)
     # edges in the faces' own colour close the hair lines between them
     axes.add_collection(
-        PolyCollection(faces.tolist(), facecolors=color, edgecolors=color, linewidths=0.3, zorder=1)
+        PolyCollection(
+            faces.tolist(), facecolors=color, edgecolors=color, linewidths=0.3, zorder=layer
+        )
     )
     if body.outline is not None and len(body.outline):
         line = view.flat(body.outline @ pose[:3, :3].T + pose[:3, 3])
-        axes.plot(*np.vstack((line, line[:1])).T, color=_EDGE, linewidth=0.9, zorder=2)
+        axes.plot(*np.vstack((line, line[:1])).T, color=_EDGE, linewidth=0.9, zorder=layer + 0.1)
 
 
 def _draw_contacts(axes: Axes, stage: Stage, instant: Instant, view: View) -> None:
@@ -263,5 +272,5 @@ def _draw_contacts(axes: Axes, stage: Stage, instant: Instant, view: View) -> No
 
 
 def _extent(stage: Stage, instant: Instant, view: View) -> float:
-    low, high = _box(stage, instant, view)
-    return float(np.max(high - low))
+    points = _covered(stage, instant, view)
+    return float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0

@@ -117,7 +117,7 @@ def _extreme(log: Log, values: Array, name: str, sign: float = 1.0) -> dict[str,
 
 def _phases(log: Log, outcome: Outcome) -> list[dict[str, Any]]:
     starts = phase_starts(log)
-    ends = [*starts[1:], log.ticks]
+    ends = [*starts[1:], log.ticks] if log.ticks else []
     entries = []
     for k, (start, end) in enumerate(zip(starts, ends, strict=True)):
         name = log.phase_names[log.phase[start]]
