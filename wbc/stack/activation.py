@@ -15,6 +15,14 @@ import numpy as np
 from wbc.arrays import Array
 from wbc.compiled import kernel
 
+# Closer than this a gain has arrived. The lags alone would leave it one rounding error short of 1
+# for good, and a task removed long ago still in force by some 1e-300.
+_ARRIVED = 1e-12
+
+
+# Nearer to its target than this a gain is there: what is out is then left out of the work.
+_ARRIVED = 1e-9
+
 
 class Activation(NamedTuple):
     """State of the gains of L levels.
@@ -36,7 +44,7 @@ def start(levels: int) -> Activation:
 def advance(activation: Activation, target: Array, rate: float, dt: float) -> Activation:
     """The gains a time dt later, exactly: target (L,) constant meanwhile, rate μ in 1/s.
 
-    An infinite rate switches at once.
+    They arrive: within 1e-12 of the target they are there. An infinite rate switches at once.
     """
     if math.isinf(rate):
         return Activation(target.copy(), target.copy())
@@ -47,7 +55,11 @@ def advance(activation: Activation, target: Array, rate: float, dt: float) -> Ac
 def _advance(rho: Array, lag: Array, target: Array, turns: float) -> tuple[Array, Array]:
     decay = np.exp(-turns)
     gap = lag - target
-    return target + (rho - target + gap * turns) * decay, target + gap * decay
+    new_rho, new_lag = target + (rho - target + gap * turns) * decay, target + gap * decay
+    for k in range(target.shape[0]):
+        if max(abs(new_rho[k] - target[k]), abs(new_lag[k] - target[k])) < _ARRIVED:
+            new_rho[k], new_lag[k] = target[k], target[k]
+    return new_rho, new_lag
 
 
 def published(t: float, since: float, rate: float, *, inserted: bool) -> float:
