@@ -22,6 +22,32 @@ def skew(a: Array) -> Array:
     return np.array(((0.0, -a[2], a[1]), (a[2], 0.0, -a[0]), (-a[1], a[0], 0.0)))
 
 
+# Products of 3x3 matrices, written out: compiled they cost a few nanoseconds, a call into BLAS a hundred.
+
+
+@kernel
+def multiply(a: Array, b: Array, out: Array) -> None:
+    """out = a b."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
+
+
+@kernel
+def multiply_transposed(a: Array, b: Array, out: Array) -> None:
+    """out = a bᵀ."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = a[i, 0] * b[j, 0] + a[i, 1] * b[j, 1] + a[i, 2] * b[j, 2]
+
+
+@kernel
+def rotate(a: Array, x: Array, out: Array) -> None:
+    """out = a x."""
+    for i in range(3):
+        out[i] = a[i, 0] * x[0] + a[i, 1] * x[1] + a[i, 2] * x[2]
+
+
 @kernel
 def exp_so3(w: Array) -> Array:
     """Rotation by the rotation vector w [rad], shape (3, 3)."""

@@ -134,7 +134,7 @@ def test_jacobian_along_motions_that_leave_the_object_in_the_fingers_at_rest(  #
     rows = kin.rows[: kin.row_count].copy()
     v = rng.normal(size=world.nv)
     v -= np.linalg.pinv(rows, rcond=1e-9) @ (rows @ v)
-    _, xi, theta = unpacked(kin.extend(v, with_object=False), n)
+    _, xi, theta = unpacked(np.subtract(*kin.extend(0.0 * v, v)[::-1]), n)
     speed = max(1.0, np.abs(xi).max(), np.abs(theta).max())
     q_dot = np.concatenate([v, xi.ravel()]) / speed
 

@@ -24,7 +24,15 @@ from wbc.compiled import kernel
 from wbc.contact.grasp import ContactMode, ContactState, Grasp, ObjectReference
 from wbc.contact.surfaces.gauss import gauss_frames
 from wbc.robot.kinematics import Kinematics
-from wbc.rotations import cross, exp_so3, log_so3, skew
+from wbc.rotations import (
+    cross,
+    exp_so3,
+    log_so3,
+    multiply,
+    multiply_transposed,
+    rotate,
+    skew,
+)
 
 _FIXED = int(ContactMode.FIXED)
 _SLIDING = int(ContactMode.SLIDING)
@@ -32,28 +40,23 @@ _SLIDING = int(ContactMode.SLIDING)
 
 @kernel
 def _object_poses(
-    mode: IntArray,
-    charts: Array,
-    frame: Array,
-    pivot: Array,
-    reach: Array,
-    tip: Array,
-    tip_rotation: Array,
-    position: Array,
-    rotation: Array,
-    estimate_p: Array,
-    estimate_r: Array,
-) -> int:
+    mode: IntArray, charts: Array, frame: Array, pivot: Array, reach: Array,
+    tip: Array, tip_rotation: Array, position: Array, rotation: Array, arm: Array,
+    estimate_p: Array, estimate_r: Array,
+) -> int:  # fmt: skip
     """Pose of the object by every finger in contact, and their mean; how many there are.
 
-    From (27) and (30): o_f = o_o + R_o (c + (l − Δl) n̂), R_o = R_F R_FC R_OCᵀ.
+    From (27) and (30): o_f = o_o + R_o (c + (l − Δl) n̂), R_o = R_F R_FC R_OCᵀ; arm is o_f − o_o.
     """
     holding = 0
+    turn = np.empty((3, 3))
     for i in range(mode.shape[0]):
         if mode[i] == 0:
             continue
-        rotation[i] = tip_rotation[i] @ pivot[i] @ frame[i].T
-        position[i] = tip[i] - rotation[i] @ (charts[i, 0] + reach[i] * frame[i, :, 2])
+        multiply(tip_rotation[i], pivot[i], turn)
+        multiply_transposed(turn, frame[i], rotation[i])
+        rotate(rotation[i], charts[i, 0] + reach[i] * frame[i, :, 2], arm[i])
+        position[i] = tip[i] - arm[i]
         if holding == 0:
             estimate_p[:] = 0.0
             estimate_r[:] = rotation[i]
@@ -61,40 +64,24 @@ def _object_poses(
         holding += 1
     if holding > 0:
         estimate_p /= holding
-    if (
-        holding > 1
-    ):  # mean rotation: one step in the tangent space at the first, they differ by errors
+    if holding > 1:
+        # mean rotation: one step in the tangent space at the first, they differ by errors only
         mean = np.zeros(3)
         for i in range(mode.shape[0]):
             if mode[i] != 0:
-                mean += log_so3(rotation[i] @ estimate_r.T)
-        estimate_r[:] = exp_so3(mean / holding) @ estimate_r
+                multiply_transposed(rotation[i], estimate_r, turn)
+                mean += log_so3(turn)
+        multiply(exp_so3(mean / holding), estimate_r.copy(), estimate_r)
     return holding
 
 
 @kernel
 def _contact_rows(
-    mode: IntArray,
-    planar: bool,
-    gain: float,
-    charts: Array,
-    frame: Array,
-    normal_xi: Array,
-    reach: Array,
-    reach_rate: Array,
-    linear: Array,
-    position: Array,
-    rotation: Array,
-    reference_p: Array,
-    reference_r: Array,
-    twist: Array,
-    error: Array,
-    twist_cmd: Array,
-    rows: Array,
-    rhs: Array,
-    xi_jacobian: Array,
-    xi_drift: Array,
-) -> int:
+    mode: IntArray, planar: bool, gain: float, charts: Array, frame: Array, normal_xi: Array,
+    reach: Array, reach_rate: Array, linear: Array, position: Array, rotation: Array, arm: Array,
+    reference_p: Array, reference_r: Array, twist: Array, error: Array, twist_cmd: Array,
+    rows: Array, rhs: Array, xi_jacobian: Array, xi_drift: Array,
+) -> int:  # fmt: skip
     """Rows of (33) left on the active joints, and the sliding rates that go with them.
 
     Returns the number of rows r; rows[:r] q̇ = rhs[:r] is the main task (35), and
@@ -102,73 +89,103 @@ def _contact_rows(
     """
     r = 0
     n_xi = 1 if planar else 2
-    xi_jacobian[:] = 0.0
-    xi_drift[:] = 0.0
+    turn = np.empty((3, 3))
+    normal = np.empty(3)
+    tangent = np.empty((n_xi, 3))
+    inverse = np.empty((n_xi, 3))
     for i in range(mode.shape[0]):
+        xi_jacobian[i] = 0.0
+        xi_drift[i] = 0.0
         if mode[i] == 0:
             continue
+        multiply_transposed(reference_r, rotation[i], turn)
         error[i, :3] = reference_p - position[i]
-        error[i, 3:] = log_so3(reference_r @ rotation[i].T)
+        error[i, 3:] = log_so3(turn)
         twist_cmd[i] = twist + gain * error[i]
-        arm = rotation[i] @ (charts[i, 0] + reach[i] * frame[i, :, 2])
-        normal = rotation[i] @ frame[i, :, 2].copy()  # contiguous, as compiled products want it
-        tip_velocity = twist_cmd[i, :3] + cross(twist_cmd[i, 3:], arm) + reach_rate[i] * normal
+        rotate(rotation[i], frame[i, :, 2], normal)
+        tip_velocity = twist_cmd[i, :3] + cross(twist_cmd[i, 3:], arm[i]) + reach_rate[i] * normal
         if mode[i] == 1:
             k = 2 if planar else 3
             rows[r : r + k] = linear[i, :k]
             rhs[r : r + k] = tip_velocity[:k]
             r += k
             continue
-        rows[r] = normal @ linear[i]
-        rhs[r] = normal @ tip_velocity
+        rows[r] = normal[0] * linear[i, 0] + normal[1] * linear[i, 1] + normal[2] * linear[i, 2]
+        rhs[r] = np.sum(normal * tip_velocity)
         r += 1
-        # the tangent vectors of the surface that the tip slides on, l − Δl outside the object's
-        tangent = rotation[i] @ (charts[i, 1 : 1 + n_xi].T + reach[i] * normal_xi[i, :, :n_xi])
-        inverse = _left_inverse(tangent)
-        xi_jacobian[i, :n_xi] = inverse @ linear[i]
-        xi_drift[i, :n_xi] = -(inverse @ tip_velocity)
+        for k in range(n_xi):
+            # tangent vectors of the surface that the tip slides on, l − Δl outside the object's
+            rotate(rotation[i], charts[i, 1 + k] + reach[i] * normal_xi[i, :, k], tangent[k])
+        _left_inverse(tangent, inverse)
+        for k in range(n_xi):
+            a, b, c = inverse[k, 0], inverse[k, 1], inverse[k, 2]
+            xi_jacobian[i, k] = a * linear[i, 0] + b * linear[i, 1] + c * linear[i, 2]
+            xi_drift[i, k] = -np.sum(inverse[k] * tip_velocity)
     return r
 
 
 @kernel
-def _left_inverse(t: Array) -> Array:
-    """(TᵀT)⁻¹Tᵀ of (3, 1) or (3, 2) tangent vectors; zero where they vanish (a pole)."""
-    out = np.zeros((t.shape[1], 3))
-    if t.shape[1] == 1:
-        d = np.sum(t * t)
-        if d > 1e-16:
-            out[0] = t[:, 0] / d
-        return out
-    a, b = np.sum(t[:, 0] * t[:, 0]), np.sum(t[:, 0] * t[:, 1])
-    c = np.sum(t[:, 1] * t[:, 1])
+def _left_inverse(t: Array, out: Array) -> None:
+    """(TᵀT)⁻¹Tᵀ for one or two tangent vectors, the rows of t; zero where they vanish (a pole)."""
+    out[:] = 0.0
+    a = np.sum(t[0] * t[0])
+    if t.shape[0] == 1:
+        if a > 1e-16:
+            out[0] = t[0] / a
+        return
+    b, c = np.sum(t[0] * t[1]), np.sum(t[1] * t[1])
     det = a * c - b * b
     if det > 1e-16 * (a * c):
-        out[0] = (c * t[:, 0] - b * t[:, 1]) / det
-        out[1] = (a * t[:, 1] - b * t[:, 0]) / det
-    return out
+        out[0] = (c * t[0] - b * t[1]) / det
+        out[1] = (a * t[1] - b * t[0]) / det
 
 
 @kernel
 def _extend(
+    mode: IntArray, tip_rotation: Array, pivot: Array, spin: Array, angular: Array,
+    xi_jacobian: Array, xi_drift: Array, twist_cmd: Array, main: Array, rest: Array,
+    out_main: Array, out_total: Array,
+) -> None:  # fmt: skip
+    """Both velocities of q̃: `main` moves the object as commanded, `rest` leaves it where it is."""
+    rates = np.empty(rest.shape[0] + 5 * mode.shape[0])
+    for moves in (True, False):
+        v = main if moves else rest
+        out = out_main if moves else rates
+        _passive_rates(
+            mode, tip_rotation, pivot, spin, angular, xi_jacobian, xi_drift, twist_cmd, v, moves, out
+        )
+    out_total[:] = out_main + rates
+
+
+@kernel
+def _passive_rates(
     mode: IntArray, tip_rotation: Array, pivot: Array, spin: Array, angular: Array,
     xi_jacobian: Array, xi_drift: Array, twist_cmd: Array, v: Array, with_object: bool, out: Array,
 ) -> None:  # fmt: skip
     """q̇, then ξ̇ and θ̇ (turning rate of C in F, in F's axes) by the angular rows of (33), from (29)."""
     n, nv = mode.shape[0], v.shape[0]
     out[:nv] = v
+    out[nv:] = 0.0
+    w, turn = np.empty(3), np.empty(3)
     for i in range(n):
-        first, turn = nv + 2 * i, nv + 2 * n + 3 * i
-        out[first : first + 2] = 0.0
-        out[turn : turn + 3] = 0.0
         if mode[i] == 0:
             continue
-        out[first : first + 2] = xi_jacobian[i] @ v
-        if with_object:
-            out[first : first + 2] += xi_drift[i]
-        w = tip_rotation[i] @ (pivot[i] @ (spin[i] @ out[first : first + 2])) - angular[i] @ v
-        if with_object:
-            w += twist_cmd[i, 3:]
-        out[turn : turn + 3] = tip_rotation[i].T @ w
+        xi = out[nv + 2 * i : nv + 2 * i + 2]
+        for k in range(2):
+            for j in range(nv):
+                xi[k] += xi_jacobian[i, k, j] * v[j]
+            if with_object:
+                xi[k] += xi_drift[i, k]
+        for r in range(3):
+            turn[r] = spin[i, r, 0] * xi[0] + spin[i, r, 1] * xi[1]
+        rotate(pivot[i], turn, w)
+        rotate(tip_rotation[i], w, turn)
+        for r in range(3):
+            for j in range(nv):
+                turn[r] -= angular[i, r, j] * v[j]
+            if with_object:
+                turn[r] += twist_cmd[i, 3 + r]
+        rotate(tip_rotation[i].T, turn, out[nv + 2 * n + 3 * i : nv + 2 * n + 3 * i + 3])
 
 
 @final
@@ -210,6 +227,7 @@ class ExtendedKinematics:
         self.spin: Array = np.zeros((n, 3, 2))
         self.position: Array = np.full((n, 3), np.nan)
         self.rotation: Array = np.full((n, 3, 3), np.nan)
+        self._arm: Array = np.zeros((n, 3))
         self.error: Array = np.full((n, 6), np.nan)
         self.twist_cmd: Array = np.zeros((n, 6))
         self.object_position: Array = np.zeros(3)
@@ -237,30 +255,36 @@ class ExtendedKinematics:
         self.object_rotation[:] = reference.rotation
         self.holding = _object_poses(
             state.mode, self.charts, self.frame, state.pivot, reference.reach, self._tip,
-            self._tip_rotation, self.position, self.rotation, self.object_position,
+            self._tip_rotation, self.position, self.rotation, self._arm, self.object_position,
             self.object_rotation,
         )  # fmt: skip
         self.row_count = _contact_rows(
             state.mode, self.grasp.planar, self.gain, self.charts, self.frame, self.normal_xi,
             reference.reach, reference.reach_rate, self._linear, self.position, self.rotation,
-            reference.position, reference.rotation, reference.twist, self.error, self.twist_cmd,
+            self._arm, reference.position, reference.rotation, reference.twist, self.error, self.twist_cmd,
             self.rows, self.rhs, self.xi_jacobian, self.xi_drift,
         )  # fmt: skip
         return self
 
-    def extend(self, v: Array, *, with_object: bool) -> Array:
-        """The velocity of q̃ that goes with the joint velocity v: (nv + 5N,) q̇, ξ̇ (N, 2), θ̇ (N, 3).
+    def extend(self, main: Array, rest: Array) -> tuple[Array, Array]:
+        """Velocities of q̃ that go with joint velocities: (nv + 5N,) q̇, ξ̇ (N, 2), θ̇ (N, 3).
 
-        θ̇ is the turning rate of the contact frame in the fingertip's axes. Without the object
-        (`with_object=False`) v is a motion in the null space of the main task: the object stands
-        still and the drift is left out.
+        θ̇ is the turning rate of the contact frame in the fingertip's axes.
+
+        Args:
+            main: (nv,) the main task's, which moves the object as commanded.
+            rest: (nv,) in the null space of the main task: the object stands still.
+
+        Returns:
+            Of main alone, and of main and rest together.
         """
-        out = np.empty(len(v) + 5 * self.grasp.count)
+        size = len(main) + 5 * self.grasp.count
+        out_main, out_total = np.empty(size), np.empty(size)
         _extend(
             self.state.mode, self._tip_rotation, self.state.pivot, self.spin, self._angular,
-            self.xi_jacobian, self.xi_drift, self.twist_cmd, v, with_object, out,
+            self.xi_jacobian, self.xi_drift, self.twist_cmd, main, rest, out_main, out_total,
         )  # fmt: skip
-        return out
+        return out_main, out_total
 
     def touch(self, finger: int) -> Array:
         """R_FC (3, 3) with which a finger that touches now sees the object where it is."""

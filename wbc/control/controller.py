@@ -20,7 +20,7 @@ from wbc.control.state import ControllerState, Measurement, PhaseState, Status, 
 from wbc.control.supervision import TickForecast
 from wbc.errors import UnknownNameError
 from wbc.stack import activation as gains
-from wbc.stack.limits import NOT_LIMITED, Limited, limit, velocity_bounds
+from wbc.stack.limits import NOT_LIMITED, Limited, filtered
 from wbc.stack.supervisor import StackEvent, StackState, Supervisor
 
 _NEAR_SINGULAR = 1e-3  # the share below which `solve_main` damps its inverse
@@ -74,11 +74,10 @@ class Controller:
         self.task_names = tuple(task.name for task in law.stack.tasks)
         self._forecast = TickForecast(law, forecast, settings.dt, supervisor.horizon)
         self._references = References(law.kin.grasp.count)
+        self._tip_targets = tuple(self._references.tips)  # rows that follow the references
         self._priority = tuple(priority)
         # tips of free fingers come before every task: they are what is left of the main task there
         self._tips = tuple(k for k in range(len(self.task_names)) if k not in self._priority)
-        nv = law.kin.robot.model.nv
-        self._low, self._high, self._command = np.zeros(nv), np.zeros(nv), np.zeros(nv)
 
     def step(
         self, state: ControllerState, measurement: Measurement | None = None
@@ -93,7 +92,7 @@ class Controller:
         if self.settings.runge_kutta:  # three further evaluations inside the tick
             motion = self._over_the_tick(t, state, motion, target, gains_next)
         step, status, limited = self._limited(state, motion, measurement)  # limit filter
-        q, contact = moved(state.q, state.contact, dt * step)
+        q, contact = moved(state.q, state.contact, step, dt)
         v = step[: len(q)]
         record = self._record(t, state, seen, sight, v, stack, event, status, limited)
         return record, state._replace(
@@ -189,23 +188,28 @@ class Controller:
     def _situation(self, t: float, state: ControllerState) -> tuple[ControllerState, Seen]:
         """Everything at t; where a phase begins at t, evaluated again under it."""
         state = self._reordered(state)
-        self._evaluate(t, state.q, state.contact, state)
+        self._evaluate(t, state.q, state.contact, state, self._active(state))
         seen = observe(self.law)
         change = self.phases.advance(state.phase, t, self.law.kin, seen)
         if not change.entered:
             return state._replace(phase=change.phase), seen
         state = self._handed_over(state._replace(phase=change.phase), change.contact)
-        self._evaluate(t, state.q, state.contact, state)
+        self._evaluate(t, state.q, state.contact, state, self._active(state))
         return state, observe(self.law)
 
-    def _evaluate(self, t: float, q: Array, contact: ContactState, state: ControllerState) -> None:
+    def _evaluate(
+        self, t: float, q: Array, contact: ContactState, state: ControllerState,
+        active: Sequence[bool],
+    ) -> None:  # fmt: skip
         reference = self._references.at(t, state.phase.motion)
-        targets: list[Array | None] = list(state.targets)
-        targets[len(targets) - len(self._tips) :] = self._references.tips
-        active = (state.stack.wanted | (state.activation.rho > 0.0)).tolist()
-        for k in self._priority:
-            active[k] = True  # their errors are logged and their return is foreseen
+        targets = state.targets[: len(self._priority)] + self._tip_targets
         self.law.evaluate(q, contact, reference, targets, active)
+
+    def _active(self, state: ControllerState) -> list[bool]:
+        """(M,) tasks to evaluate: the stack's always, for the log and their return, tips if in force."""
+        first = len(self._priority)
+        wanted, rho = state.stack.wanted[first:].tolist(), state.activation.rho[first:].tolist()
+        return [True] * first + [w or r > 0.0 for w, r in zip(wanted, rho, strict=True)]
 
     def _handed_over(self, state: ControllerState, contact: ContactState) -> ControllerState:
         """A new phase: rows pass between the main task and the tips without a step.
@@ -271,8 +275,10 @@ class Controller:
         self, t: float, state: ControllerState, motion: Motion, target: Array,
         gains_next: gains.Activation,
     ) -> Motion:  # fmt: skip
+        active = self._active(state)
+
         def stage(q: Array, contact: ContactState, at: float, levels: Array) -> Motion:
-            self._evaluate(at, q, contact, state)
+            self._evaluate(at, q, contact, state, active)
             return self.law.solve(state.level_order, levels)
 
         dt, rate = self.settings.dt, self.settings.smoothing
@@ -285,9 +291,6 @@ class Controller:
     ) -> tuple[Array, Status, Limited]:
         """The velocity of q̃ that goes out: within the limits, finite, whatever came in."""
         s, nv = self.settings, len(state.q)
-        velocity_bounds(
-            state.q, s.lower, s.upper, s.velocity, s.acceleration, s.dt, self._low, self._high
-        )
         status = Status.OK
         if measurement is not None and not (
             np.shape(measurement.q) == (nv,) and math.isfinite(np.sum(measurement.q))
@@ -298,18 +301,17 @@ class Controller:
         if status:
             nothing = np.zeros(len(motion.total))
             motion = Motion(nothing, nothing)
-        limited = Limited(
-            *limit(
-                motion.main[:nv], motion.total[:nv], state.v, self._low, self._high,
-                s.acceleration, s.dt, self._command,
-            )
+        command, shares = filtered(
+            state.q, motion.main, motion.total, state.v, s.lower, s.upper, s.velocity,
+            s.acceleration, s.dt,
         )  # fmt: skip
+        limited = Limited(*shares)
         if limited == NOT_LIMITED:
             return motion.total, status, limited
         # the contact variables keep step with the joints: the same shares of the same motions
         step = limited.main * motion.main + limited.secondary * (motion.total - motion.main)
         step = state.rates + limited.change * (step - state.rates)
-        step[:nv] = self._command
+        step[:nv] = command
         return step, status | (Status.CLIPPED if limited.clipped else Status.SCALED), limited
 
     def _record(

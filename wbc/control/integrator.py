@@ -50,7 +50,7 @@ def runge_kutta(
         (1.0, 1.0 / 6.0, gains[1]),
     ):
         step = k * (share * dt)
-        stage_q, stage_contact = moved(q, contact, step)
+        stage_q, stage_contact = moved(q, contact, k, share * dt)
         stage = evaluate(stage_q, stage_contact, t + share * dt, level_gains)
         _flatten_turns(step, stage.main, pivots)
         _flatten_turns(step, stage.total, pivots)

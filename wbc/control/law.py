@@ -15,8 +15,8 @@ from wbc.control.task_stack import TaskStack
 from wbc.costs import Cost
 from wbc.robot.distances import Distances
 from wbc.robot.kinematics import Kinematics
-from wbc.rotations import exp_so3
-from wbc.stack.projection import solve_stack
+from wbc.rotations import exp_so3, multiply
+from wbc.stack.projection import solve_weighted
 from wbc.compiled import kernel
 
 
@@ -81,7 +81,7 @@ class Law:
         self._taken: Array = np.zeros((rows, nv))
         self._share: Array = np.zeros(rows)
         self._main: Array = np.zeros(nv)
-        self._total: Array = np.zeros(nv)
+        self._rest: Array = np.zeros(nv)
 
     def evaluate(
         self, q: Array, contact: ContactState, reference: ObjectReference,
@@ -100,18 +100,13 @@ class Law:
     def solve(self, order: IntArray, activation: Array) -> Motion:
         """The law with the given gains, (L,), at the configuration last evaluated."""
         kin, stack = self.kin, self.stack
-        scale = stack.scale
-        rows = kin.rows[: kin.row_count] * scale
-        descent = (self.gradient_gain * self.gradient) * scale
-        self.rank, self.independence = solve_stack(
-            rows, kin.rhs, stack.jacobian, stack.rhs, stack.row_activation, stack.level_start,
-            stack.level_size, stack.exact, order, activation, descent, self._basis, self._taken, self._share,
-            self._main, self._total, self.freedom,
+        self.rank, self.independence = solve_weighted(
+            kin.rows[: kin.row_count], kin.rhs, stack.jacobian, stack.rhs, stack.row_activation,
+            stack.level_start, stack.level_size, stack.exact, order, activation, self.gradient,
+            self.gradient_gain, stack.scale, self._basis, self._taken, self._share, self._main,
+            self._rest, self.freedom,
         )  # fmt: skip
-        main = self._main * scale
-        rest = self._total * scale - main
-        with_object = kin.extend(main, with_object=True)
-        return Motion(with_object, with_object + kin.extend(rest, with_object=False))
+        return Motion(*kin.extend(self._main, self._rest))
 
     def sight(self) -> Sight:
         """How the last solve went, copied out of the workspaces."""
@@ -137,11 +132,9 @@ class CostForecast:
         A joint moves no point of the robot further than its reach times its motion: where no pair
         can have come near since the law was evaluated, the distances need no second look.
         """
-        distances = self.distances
-        if distances is not None:
-            moved_by = float(distances.scene.reach @ np.abs(q - now.kin.robot.q))
-            known = now.distances  # bounds from below
-            if known is not None and known.value.min(initial=np.inf) - moved_by > distances.near:
+        distances, known = self.distances, now.distances
+        if distances is not None and known is not None:
+            if known.least_after(now.kin.robot.q, q) > distances.near:
                 distances = None
         if distances is None:
             self.kin.q[:] = q
@@ -152,16 +145,21 @@ class CostForecast:
 
 
 @kernel
-def _advance_pivots(pivot, turn):  # type: ignore[no-untyped-def]
-    out = np.empty(pivot.shape)
-    for i in range(pivot.shape[0]):
-        out[i] = exp_so3(turn[i]) @ pivot[i]
-    return out
+def _move(
+    q: Array, xi: Array, pivot: Array, rate: Array, time: float,
+    q_out: Array, xi_out: Array, pivot_out: Array,
+) -> None:  # fmt: skip
+    nv, n = q.shape[0], xi.shape[0]
+    q_out[:] = q + time * rate[:nv]
+    for i in range(n):
+        for k in range(2):
+            xi_out[i, k] = xi[i, k] + time * rate[nv + 2 * i + k]
+        turn = rate[nv + 2 * n + 3 * i : nv + 2 * n + 3 * i + 3]
+        multiply(exp_so3(time * turn), pivot[i], pivot_out[i])
 
 
-def moved(q: Array, contact: ContactState, step: Array) -> tuple[Array, ContactState]:
-    """q and η after the motion `step` (nv + 5N,), a velocity of q̃ times a time."""
-    nv, n = len(q), len(contact.mode)
-    xi = contact.xi + step[nv : nv + 2 * n].reshape(n, 2)
-    pivot = _advance_pivots(contact.pivot, step[nv + 2 * n :].reshape(n, 3))
-    return q + step[:nv], ContactState(contact.mode, xi, pivot)
+def moved(q: Array, contact: ContactState, rate: Array, time: float) -> tuple[Array, ContactState]:
+    """q and η after moving at `rate` (nv + 5N,), a velocity of q̃ as in `Motion`, for a time."""
+    q_out, xi, pivot = np.empty_like(q), np.empty_like(contact.xi), np.empty_like(contact.pivot)
+    _move(q, contact.xi, contact.pivot, rate, time, q_out, xi, pivot)
+    return q_out, ContactState(contact.mode, xi, pivot)

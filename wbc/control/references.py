@@ -88,8 +88,11 @@ class References:
             np.zeros(3), np.eye(3), np.zeros(6), np.zeros(fingers), np.zeros(fingers)
         )
         self.tips: Array = np.zeros((fingers, 6))
+        self._at_rest: Motion | None = None  # the motion that has ended in these values
 
     def at(self, t: float, motion: Motion) -> ObjectReference:
         """The object's reference at time t; the tips' targets (N, 6) are in `tips`."""
-        _evaluate(t, *motion, *self.object, self.tips)
+        if motion is not self._at_rest:
+            _evaluate(t, *motion, *self.object, self.tips)
+            self._at_rest = motion if t >= motion.start + motion.duration else None
         return self.object

@@ -1,12 +1,13 @@
 """Signed distances between collision shapes: every pair at once, details where asked for.
 
-Capsules and spheres, which is what robots should be made of here, are measured by one kernel; so is a
-lower bound for every other shape, from a sphere about it. coal measures the pairs of other shapes that
-the bound does not clear, and gives witness points and normals of the pairs that are near.
+Capsules and spheres, which is what robots should be made of here, are measured by one kernel; so
+is a lower bound for pairs with another shape, from planes about it. coal measures those that the
+bound does not clear, and gives witness points and normals of the pairs that are near.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, final
@@ -23,6 +24,15 @@ from wbc.robot.model import RobotModel
 OBJECT = "object"
 """Body name of the grasped object's shapes."""
 _TOLERANCE = 1e-12  # of coal's iterations; its default of 1e-6 shows in the gradients
+_TURNS = np.linspace(0.0, np.pi, 12, endpoint=False)
+_PLANES = np.concatenate(
+    [
+        sign * np.stack([np.cos(_TURNS), np.sin(_TURNS), 0.0 * _TURNS])[list(axes)].T
+        for axes in ((0, 1, 2), (2, 0, 1), (1, 2, 0))
+        for sign in (1.0, -1.0)
+    ]
+)
+"""Normals (K, 3) of the planes about a shape that is not round."""
 
 
 @dataclass(frozen=True)
@@ -35,13 +45,18 @@ class CollisionScene:
         pieces: indices of the object's pieces.
         pair_names: (link, link) of every pair.
         pairs: (P, 2) indices of the shapes of each pair.
-        relative_support: (P, nv), +1 where a joint carries only the second shape, -1 only the first.
+        relative_support: (P, nv), +1 where a joint carries only the second shape, -1 where only the
+            first.
         joint: (S,) joint that carries each shape, -1 for the object's.
         ends: (S, 6) ends of the segment about which each shape is round, in its joint's (or the
             object's) frame, [m].
         radius: (S,) its radius about the segment, [m].
-        reach: (nv,) no point of a shape moves further than this per unit of joint motion, [m] or [1].
-        exact: (P,) both shapes are capsules or spheres: segment and radius are the shape itself.
+        support: (S, K) distance from the frame's origin to the planes about each shape that is not
+            round, [m].
+        reach: (nv,) no point of a shape moves further than this per unit of joint motion,
+            [m] or [1].
+        round_shape: (S,) capsules and spheres: segment and radius are the shape itself.
+        exact: (P,) both shapes are round.
     """
 
     model: RobotModel
@@ -53,7 +68,9 @@ class CollisionScene:
     joint: IntArray
     ends: Array
     radius: Array
+    support: Array
     reach: Array
+    round_shape: BoolArray
     exact: BoolArray
 
 
@@ -97,7 +114,7 @@ def collision_scene(
     carried = np.array([_carried(model, o) for o in objects]).reshape(len(objects), model.nv)
     index = np.array(pairs, dtype=np.int64).reshape(len(pairs), 2)
     rounds = [_round(o) for o in objects]
-    is_exact = np.array([r[2] for r in rounds], dtype=np.bool_)
+    is_round = np.array([r[2] for r in rounds], dtype=np.bool_)
     return CollisionScene(
         model=model,
         geometry=geometry,
@@ -110,8 +127,10 @@ def collision_scene(
         joint=np.array([-1 if k in pieces else o.parentJoint for k, o in enumerate(objects)]),
         ends=read_only(np.array([r[0] for r in rounds]).reshape(len(objects), 6)),
         radius=read_only([r[1] for r in rounds]),
+        support=read_only(np.array([_support(o) for o in objects]).reshape(len(objects), -1)),
         reach=_reach(model, objects),
-        exact=is_exact[index[:, 0]] & is_exact[index[:, 1]],
+        round_shape=is_round,
+        exact=is_round[index[:, 0]] & is_round[index[:, 1]],
     )
 
 
@@ -163,13 +182,29 @@ def _round(geometry_object: Any) -> tuple[Array, float, bool]:
     return np.concatenate(ends), float(np.linalg.norm(np.delete(half, axis))), False
 
 
+def _support(geometry_object: Any) -> Array:
+    """(K,) how far a shape goes along each of the planes' normals, in its joint's frame."""
+    shape, placement = geometry_object.geometry, geometry_object.placement
+    if isinstance(shape, coal.ConvexBase):
+        corners = np.array(shape.points())
+    elif isinstance(shape, coal.BVHModelBase):
+        corners = np.array(shape.vertices())
+    else:
+        shape.computeLocalAABB()
+        low, high = np.array(shape.aabb_local.min_), np.array(shape.aabb_local.max_)
+        corners = np.array(np.meshgrid(*np.stack([low, high], axis=1))).reshape(3, -1).T
+    corners = corners.reshape(-1, 3) @ placement.rotation.T + placement.translation
+    farthest: Array = (corners @ _PLANES.T).max(axis=0)
+    return farthest
+
+
 @kernel
 def _bounds(
-    poses: Array, joint: IntArray, ends: Array, radius: Array, pairs: IntArray, exact: BoolArray,
-    position: Array, rotation: Array, near: float, value: Array,
+    poses: Array, joint: IntArray, ends: Array, radius: Array, support: Array, planes: Array,
+    pairs: IntArray, exact: BoolArray, round_shape: BoolArray, position: Array, rotation: Array,
+    near: float, value: Array, clear: BoolArray,
 ) -> bool:  # fmt: skip
-    """Distance between the segments of every pair, less the radii; whether one needs a closer look."""
-    unclear = False
+    """Distances of the round pairs, lower bounds of the others; whether one of these is near."""
     world = np.empty(ends.shape)
     for k in range(joint.shape[0]):
         for e in range(0, 6, 3):
@@ -182,14 +217,51 @@ def _bounds(
                 else:
                     pose = poses[joint[k]]
                     world[k, e + r] = pose[9 + r] + pose[r] * x + pose[3 + r] * y + pose[6 + r] * z
+    least = np.inf
     for k in range(pairs.shape[0]):
-        first, second = world[pairs[k, 0]], world[pairs[k, 1]]
-        gap = _segment_distance(first[:3], first[3:], second[:3], second[3:])
-        value[k] = gap - radius[pairs[k, 0]] - radius[pairs[k, 1]]
-        if not np.isfinite(value[k]):
-            value[k] = -np.inf
-        unclear = unclear or (value[k] <= near and not exact[k])
+        a, b = pairs[k, 0], pairs[k, 1]
+        gap = _segment_distance(world[a, :3], world[a, 3:], world[b, :3], world[b, 3:])
+        value[k] = gap - radius[a] - radius[b]
+        clear[k] = exact[k]
+        if exact[k]:
+            least = min(least, value[k])
+    unclear = False
+    for k in range(pairs.shape[0]):
+        a, b = pairs[k, 0], pairs[k, 1]
+        if exact[k] or value[k] > max(least, near):
+            continue  # neither near nor the smallest: the coarse bound will do
+        if round_shape[a] or round_shape[b]:
+            if round_shape[b]:
+                a, b = b, a
+            beyond = _plane_gap(world[a], joint[b], poses, position, rotation, support[b], planes)
+            value[k] = max(value[k], beyond - radius[a])
+        unclear = unclear or not value[k] > near
     return unclear
+
+
+@kernel
+def _plane_gap(
+    ends: Array, joint: int, poses: Array, position: Array, rotation: Array, support: Array,
+    planes: Array,
+) -> float:  # fmt: skip
+    """Largest distance of a segment (6,) outside one of the planes about a shape."""
+    local = np.empty(6)
+    for e in range(0, 6, 3):
+        for r in range(3):
+            total = 0.0
+            for c in range(3):
+                if joint < 0:
+                    total += rotation[c, r] * (ends[e + c] - position[c])
+                else:
+                    total += poses[joint, 3 * r + c] * (ends[e + c] - poses[joint, 9 + c])
+            local[e + r] = total
+    best = -np.inf
+    for p in range(planes.shape[0]):
+        x, y, z = planes[p, 0], planes[p, 1], planes[p, 2]
+        first = x * local[0] + y * local[1] + z * local[2]
+        second = x * local[3] + y * local[4] + z * local[5]
+        best = max(best, min(first, second) - support[p])
+    return best
 
 
 @kernel
@@ -214,6 +286,16 @@ def _segment_distance(a0: Array, a1: Array, b0: Array, b1: Array) -> float:
     return np.sqrt(total)
 
 
+@kernel
+def _least_after(value: Array, reach: Array, q_now: Array, q: Array) -> float:
+    least = np.inf
+    for k in range(value.shape[0]):
+        least = min(least, value[k])
+    for j in range(q.shape[0]):
+        least -= reach[j] * abs(q[j] - q_now[j])
+    return least
+
+
 @final
 class Distances:
     """Distances of all pairs of a scene at one configuration; a workspace like `Kinematics`.
@@ -233,43 +315,47 @@ class Distances:
             request.gjk_tolerance = _TOLERANCE
         self._results = [self._data.distanceResults[k] for k in range(len(scene.pair_names))]
         self._pieces = [self._data.oMg[k] for k in scene.pieces]
-        self._loose: IntArray = np.flatnonzero(~scene.exact)
+        self._clear: BoolArray = np.ones(len(self._results), dtype=np.bool_)
         self._placed = False
         self._pose = (np.zeros(3), np.eye(3))
         self._kin: Kinematics | None = None
         self.value: Array = np.full(len(self._results), np.inf)
 
     def update(self, kin: Kinematics, position: Array, rotation: Array) -> Distances:
-        """Measure at `kin`, with the object at p_WO, R_WO. A distance that is no number becomes -inf."""
-        scene, value = self.scene, self.value
+        """Measure at `kin`, with the object at p_WO, R_WO. What is no number becomes -inf."""
+        scene = self.scene
         self._placed, self._pose, self._kin = False, (position, rotation), kin
         unclear = _bounds(
-            kin.joint_poses, scene.joint, scene.ends, scene.radius, scene.pairs, scene.exact,
-            position, rotation, self.near, value,
+            kin.joint_poses, scene.joint, scene.ends, scene.radius, scene.support, _PLANES,
+            scene.pairs, scene.exact, scene.round_shape, position, rotation, self.near, self.value,
+            self._clear,
         )  # fmt: skip
         if unclear:
-            self._tighten(self.near)
+            for k in np.flatnonzero(~self._clear & ~(self.value > self.near)).tolist():
+                self._settle(k)
+        if not self.value.size or math.isfinite(self.value.min()):
+            return self
+        self.value[~np.isfinite(self.value)] = -np.inf
         return self
+
+    def least_after(self, q_now: Array, q: Array) -> float:
+        """What no distance can be below after a motion from q_now, where they were measured, to q."""
+        return float(_least_after(self.value, self.scene.reach, q_now, q))
 
     def smallest(self) -> float:
         """The least distance, exact, [m]; inf where there are no pairs."""
         if not self.value.size:
-            return float("inf")
-        if self._loose.size:
-            self._tighten(float(self.value[self.scene.exact].min(initial=np.inf)))
-        return float(self.value.min())
+            return math.inf
+        while True:  # the least of bounds and distances: once it is a distance, it is the smallest
+            k = int(self.value.argmin())
+            if self._clear[k]:
+                return float(self.value[k])
+            self._settle(k)
 
-    def _tighten(self, above: float) -> None:
-        """Measure the pairs whose bound is below `above`; a measured one is its own bound."""
-        value = self.value
-        for k in self._loose[np.argsort(value[self._loose])].tolist():
-            if value[k] > above:
-                break
-            value[k] = self._measure(k)
-            if not np.isfinite(value[k]):
-                value[k] = -np.inf
-            elif value[k] < above and above > self.near:
-                above = value[k]
+    def _settle(self, pair: int) -> None:
+        distance = self._measure(pair)
+        self.value[pair] = distance if math.isfinite(distance) else -math.inf
+        self._clear[pair] = True
 
     def _measure(self, pair: int) -> float:
         """One pair by coal; its witness points and normal are in its result then."""
@@ -281,9 +367,7 @@ class Distances:
     def _place(self) -> None:
         kin, (position, rotation) = self._kin, self._pose
         assert kin is not None
-        pin.updateGeometryPlacements(
-            kin.model.pin_model, kin.data, self.scene.geometry, self._data
-        )
+        pin.updateGeometryPlacements(kin.model.pin_model, kin.data, self.scene.geometry, self._data)
         for piece in self._pieces:
             piece.translation[...] = position
             piece.rotation[...] = rotation

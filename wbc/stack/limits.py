@@ -150,3 +150,19 @@ def limit(
             joint = j
         out[j] = inside
     return secondary, main, change, clipped, joint
+
+
+@kernel
+def filtered(
+    q: Array, main: Array, total: Array, last: Array, lower: Array, upper: Array, velocity: Array,
+    acceleration: Array, dt: float,
+) -> tuple[Array, tuple[float, float, float, bool, int]]:  # fmt: skip
+    """The whole filter: `velocity_bounds`, then `limit`, on the first n entries of main and total.
+
+    Returns:
+        The command (n,), and the fields of `Limited`.
+    """
+    n = q.shape[0]
+    low, high, out = np.empty(n), np.empty(n), np.empty(n)
+    velocity_bounds(q, lower, upper, velocity, acceleration, dt, low, high)
+    return out, limit(main[:n], total[:n], last, low, high, acceleration, dt, out)

@@ -5,13 +5,13 @@ activation ρ is solved in what the levels above leave free. For one row j, with
 
     v ← v + ρ (gᵀg / d) (r − j v) g / d,        N ← N − ρ g gᵀ / d
 
-and for several rows, made orthonormal, the same along each eigenvector of J N Jᵀ. With every ρ at
-0 or 1, N is a projector, gᵀg = d, and this is the (J N)† form: the error decays at exactly its gain
-while the level does not conflict with those above, and lower levels never change it. In between,
-gᵀg / d is the share that fading levels above leave: without it (J N)† would undo their fading, and
-a level would jump to full speed as soon as one above it let go by a hair. So everything is
-continuous in every ρ, and a task that fades in or out moves neither its own term nor what those
-below may do by a step. The printed law, N J†, is in `wbc.stack.printed`.
+and for several rows the same along each eigenvector of J N Jᵀ. With every ρ at 0 or 1, N is a
+projector, gᵀg = d, and this is the (J N)† form: the error decays at exactly its gain while the
+level does not conflict with those above, and lower levels never change it. In between, gᵀg / d is
+the share that fading levels above leave: without it (J N)† would undo their fading, and a level
+would jump to full speed as soon as one above it let go by a hair. So everything is continuous in
+every ρ, and a task that fades in or out moves neither its own term nor what those below may do by
+a step. The printed law, N J†, is in `wbc.stack.printed`.
 
 The metric W (diagonal) is applied by the caller: rows come divided by √W, v is to be divided by it.
 """
@@ -30,8 +30,8 @@ from wbc.compiled import kernel
 # 1.09 / √exact times as fast as it would alone.
 _CUT = 1e-6
 _FULL = 1e-4
-# The rows of a block are made orthonormal, but for directions in which they are shorter than this
-# share of their longest (squared): a straight arm counts as one that is not free to move there.
+# The directions of a block are measured by the shortest, but by no less than this share of the
+# longest (squared): where an arm is almost straight, its rows alone are damped.
 _STRAIGHT = 1e-3
 # Squared length below which a row is shorter than anything a task means, so that one that passes
 # through zero neither drives the joints without bound nor takes a direction made of rounding.
@@ -49,6 +49,22 @@ def _smooth(x: float) -> float:
     if x >= 1.0:
         return 1.0
     return x * x * (3.0 - 2.0 * x)
+
+
+@kernel
+def _remove(y: Array, basis: Array, count: int) -> None:
+    """Take the part along the first `count` orthonormal rows of basis out of y.
+
+    Twice: what rounding leaves the first time, a small pivot below would amplify. Written out, for a
+    call into BLAS costs more than these few products.
+    """
+    for _ in range(2):
+        for k in range(count):
+            along = 0.0
+            for j in range(y.shape[0]):
+                along += basis[k, j] * y[j]
+            for j in range(y.shape[0]):
+                y[j] -= along * basis[k, j]
 
 
 @kernel
@@ -80,10 +96,7 @@ def solve_main(rows: Array, rhs: Array, basis: Array, v: Array) -> tuple[int, fl
             smallest = 0.0
             continue
         direction = row.copy()
-        if rank > 0:
-            done = basis[:rank]
-            direction -= (done @ direction) @ done
-            direction -= (done @ direction) @ done
+        _remove(direction, basis, rank)
         left = np.sqrt(np.sum(direction * direction))
         share = left / length
         smallest = min(smallest, share)
@@ -105,10 +118,7 @@ def solve_main(rows: Array, rhs: Array, basis: Array, v: Array) -> tuple[int, fl
 def _project(x: Array, basis: Array, whole: int, taken: Array, share: Array, count: int) -> Array:
     """N x: out of the rows taken whole, then by their shares out of those of fading levels."""
     y: Array = x.copy()
-    if whole > 0:
-        used = basis[:whole]
-        y -= (used @ y) @ used
-        y -= (used @ y) @ used  # twice: what rounding leaves, a small pivot below would amplify
+    _remove(y, basis, whole)
     if count > 0:
         used = taken[:count]
         y -= (share[:count] * (used @ y)) @ used
@@ -116,11 +126,13 @@ def _project(x: Array, basis: Array, whole: int, taken: Array, share: Array, cou
 
 
 @kernel
-def _shares(free: float, exact: float) -> tuple[float, float]:
-    """φ / free with the cut φ, and the bounded inverse of free; both continuous, slopes too."""
+def _shares(free: float, exact: float) -> tuple[float, float, float]:
+    """The cut φ, φ / free, and the bounded inverse of free; all continuous, their slopes too."""
     inverse = 1.0 / free if free >= exact else (2.0 - free / exact) / exact
-    take = _smooth((free - _CUT) / (_FULL - _CUT)) / free if free > _CUT else 0.0
-    return take, inverse
+    if free <= _CUT:
+        return 0.0, 0.0, inverse
+    phi = _smooth((free - _CUT) / (_FULL - _CUT))
+    return phi, phi / free, inverse
 
 
 @kernel
@@ -139,8 +151,8 @@ def _add_row(
     g = _project(row, basis, whole, taken, share, count)
     gg = np.sum(g * g)
     free = np.sum(row * g) / size
-    take, inverse = _shares(free, exact)
-    if take == 0.0:
+    phi, take, inverse = _shares(free, exact)
+    if phi == 0.0:
         return whole, count, 0.0
     missing = rhs - np.sum(row * v)
     v += (activation * missing * take * inverse * gg / (size * size)) * g
@@ -150,7 +162,7 @@ def _add_row(
         return whole + 1, count, 1.0
     taken[count] = g
     share[count] = activation * take / size
-    return whole, count + 1, take * free
+    return whole, count + 1, phi
 
 
 @kernel
@@ -158,7 +170,7 @@ def _add_block(
     rows: Array, rhs: Array, activation: float, exact: float,
     basis: Array, whole: int, taken: Array, share: Array, count: int, v: Array,
 ) -> tuple[int, int, float]:  # fmt: skip
-    """A level of several rows: `_add_row` along each eigenvector of J N Jᵀ, J made orthonormal.
+    """A level of several rows: `_add_row` along each eigenvector of J N Jᵀ.
 
     Returns the numbers of directions taken whole and by a share, and the smallest φ.
     """
@@ -169,34 +181,32 @@ def _add_block(
     if not np.isfinite(np.sum(gram) + np.sum(missing)):  # eigh would raise
         v[:] = np.nan
         return whole, count, 0.0
-    values, vectors = np.linalg.eigh(gram)
-    length = np.sqrt(np.maximum(values, max(_SHORT, _STRAIGHT * values[-1])))
-    unit = np.ascontiguousarray((vectors / length).T)
-    missing = unit @ missing
-    unit = unit @ rows
+    alone = np.linalg.eigvalsh(gram)
+    size = max(alone[0], _STRAIGHT * alone[-1], _SHORT)
     g = np.empty(rows.shape)
     for i in range(rows.shape[0]):
-        g[i] = _project(unit[i], basis, whole, taken, share, count)
-    gram = unit @ g.T
-    free, vectors = np.linalg.eigh(0.5 * (gram + gram.T))
+        g[i] = _project(rows[i], basis, whole, taken, share, count)
+    gram = rows @ g.T
+    values, vectors = np.linalg.eigh(0.5 * (gram + gram.T))
     along = np.ascontiguousarray(vectors.T)
     g = along @ g
-    take, inverse = np.empty(len(free)), np.empty(len(free))
+    free = values / size
+    phi, take, inverse = np.empty(len(free)), np.empty(len(free)), np.empty(len(free))
     for k in range(len(free)):
-        take[k], inverse[k] = _shares(free[k], exact)
+        phi[k], take[k], inverse[k] = _shares(free[k], exact)
     # not eigenvector by eigenvector: as a product of functions of J N Jᵀ it is continuous where
     # eigenvalues cross
-    alone = (inverse * (along @ missing)) @ g
-    v += (activation * take * (g @ alone)) @ g
+    unfaded = (inverse * (along @ missing) / size) @ g
+    v += (activation * take * (g @ unfaded) / size) @ g
     for k in range(len(free) - 1, -1, -1):  # the whole ones first
         if count == 0 and activation == 1.0 and free[k] >= _FULL:
             basis[whole] = g[k] / np.sqrt(np.sum(g[k] * g[k]))
             whole += 1
-        elif take[k] > 0.0:
+        elif phi[k] > 0.0:
             taken[count] = g[k]
-            share[count] = activation * take[k]
+            share[count] = activation * take[k] / size
             count += 1
-    return whole, count, take[0] * free[0]
+    return whole, count, phi[0]
 
 
 @kernel
@@ -263,13 +273,43 @@ def task_rows(
         jacobian, rhs: (R, n), (R,) filled.
     """
     n = scale.shape[0]
-    passive = jacobian_ext[:, n:]
-    jacobian[:] = (jacobian_ext[:, :n] + passive @ xi_jacobian) * scale
-    drift = passive @ xi_drift
     for level in range(start.shape[0]):
         a, b = start[level], start[level] + size[level]
         length = np.sqrt(np.sum(error[a:b] * error[a:b]))
         k = gain[level]
         if length > saturation[level]:
             k *= saturation[level] / length
-        rhs[a:b] = k * error[a:b] + rate[a:b] - drift[a:b]
+        for r in range(a, b):
+            rhs[r] = k * error[r] + rate[r]
+            jacobian[r] = jacobian_ext[r, :n]
+            for x in range(xi_drift.shape[0]):
+                passive = jacobian_ext[r, n + x]
+                if passive != 0.0:
+                    jacobian[r] += passive * xi_jacobian[x]
+                    rhs[r] -= passive * xi_drift[x]
+            jacobian[r] *= scale
+
+
+@kernel
+def solve_weighted(
+    rows: Array, rhs: Array, jacobian: Array, task_rhs: Array, row_activation: Array,
+    start: IntArray, size: IntArray, exact: Array, order: IntArray, activation: Array,
+    gradient: Array, gain: float, scale: Array, basis: Array, taken: Array, share: Array,
+    main: Array, rest: Array, freedom: Array,
+) -> tuple[int, float]:  # fmt: skip
+    """`solve_stack` under the metric W = diag(1/scale²), from unscaled main rows and gradient.
+
+    Args:
+        rows, rhs: (r, n), (r,) main task.
+        jacobian, task_rhs: (R, n), (R,) rows of all levels, scaled already as by `task_rows`.
+        gradient, gain: (n,) ∇C and k_∇.
+        main, rest: (n,) filled: the main task's velocity, and what the others add to it.
+    """
+    rank, smallest = solve_stack(
+        rows * scale, rhs, jacobian, task_rhs, row_activation, start, size, exact, order,
+        activation, gain * gradient * scale, basis, taken, share, main, rest, freedom,
+    )  # fmt: skip
+    rest -= main
+    rest *= scale
+    main *= scale
+    return rank, smallest

@@ -35,26 +35,41 @@ def manipulability_gradient(
     n = 0
     while n < chain.shape[0] and chain[n] >= 0:
         n += 1
-    j = np.zeros((3, n))
+    gram = np.zeros((size, size))
     for k in range(n):
-        j[:, k] = linear[:, chain[k]]
-    gram = j[:size] @ j[:size].T
+        for a in range(size):
+            for b in range(size):
+                gram[a, b] += linear[a, chain[k]] * linear[b, chain[k]]
     det, adjugate = _det_adjugate(gram)
     if not det > 0.0:
         return 0.0
     w: float = np.sqrt(det)
-    m = np.zeros((3, n))  # (J Jᵀ)⁻¹ J
-    m[:size] = adjugate @ j[:size] / det
+    m = np.zeros((n, 3))  # columns of (J Jᵀ)⁻¹ J
+    for k in range(n):
+        for a in range(size):
+            for b in range(size):
+                m[k, a] += adjugate[a, b] * linear[b, chain[k]] / det
     # Σ_i ∂J_i/∂q_k · m_i splits at k: J_k · Σ_{i<=k} m_i × ω_i + ω_k · Σ_{i>k} J_i × m_i
     before, after = np.zeros(3), np.zeros(3)
     for i in range(n):
-        after += cross(j[:, i], m[:, i])
+        _add_cross(linear[:, chain[i]], m[i], 1.0, after)
     for k in range(n):
-        turn = angular[:, chain[k]]
-        before += cross(m[:, k], turn)
-        after -= cross(j[:, k], m[:, k])
-        gradient[chain[k]] = w * (np.sum(j[:, k] * before) + np.sum(turn * after))
+        column, turn = linear[:, chain[k]], angular[:, chain[k]]
+        _add_cross(m[k], turn, 1.0, before)
+        _add_cross(column, m[k], -1.0, after)
+        total = 0.0
+        for a in range(3):
+            total += column[a] * before[a] + turn[a] * after[a]
+        gradient[chain[k]] = w * total
     return w
+
+
+@kernel
+def _add_cross(a: Array, b: Array, sign: float, out: Array) -> None:
+    """out += sign a × b, without a temporary."""
+    out[0] += sign * (a[1] * b[2] - a[2] * b[1])
+    out[1] += sign * (a[2] * b[0] - a[0] * b[2])
+    out[2] += sign * (a[0] * b[1] - a[1] * b[0])
 
 
 @kernel

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import final
 
+import numpy as np
+
 from wbc.arrays import Array
 from wbc.compiled import kernel
 from wbc.contact.extended_finger import ExtendedKinematics
-from wbc.rotations import cross
+from wbc.rotations import cross, multiply, rotate
 from wbc.tasks.base import Task, TaskRows
 
 
@@ -30,18 +32,23 @@ def _tip_rows(
 ) -> None:
     nv = linear.shape[1]
     start = nv + 2 * finger
-    gap = object_position + object_rotation @ target[:3] - tip
+    offset, moving = np.empty(3), np.empty(3)
+    rotate(object_rotation, target[:3], offset)
+    rotate(object_rotation, target[3:], moving)
+    gap = object_position + offset - tip
     # the target's velocity less what the object's motion gives the tip where it is now
-    velocity = twist[:3] + cross(twist[3:], tip - object_position) + object_rotation @ target[3:]
-    world_axes = (object_rotation @ axes).T.copy()
-    gap_c = world_axes @ gap
+    velocity = twist[:3] + cross(twist[3:], tip - object_position) + moving
+    world_axes = np.empty((3, 3))
+    multiply(object_rotation, axes, world_axes)
+    gap_c = np.empty(3)
+    rotate(world_axes.T, gap, gap_c)
     for r in range(error.shape[0]):
         # tangent(s) first, normal last; the planar frame's second tangent is out of the plane
         column = (2 if r == 1 else 0) if planar else r
-        axis = world_axes[column]
+        x, y, z = world_axes[0, column], world_axes[1, column], world_axes[2, column]
         error[r] = gap_c[column]
-        jacobian[r, :nv] = axis @ linear
-        rate[r] = axis @ velocity
+        jacobian[r, :nv] = x * linear[0] + y * linear[1] + z * linear[2]
+        rate[r] = x * velocity[0] + y * velocity[1] + z * velocity[2]
         # the axes turn with the chart coordinates: ∂(axis · gap) = (spin × axis) · gap
         before, after = (column + 2) % 3, (column + 1) % 3
         jacobian[r, start : start + 2] = spin[after] * gap_c[before] - spin[before] * gap_c[after]
