@@ -2,16 +2,48 @@
 
 With numba installed a kernel is compiled once per machine and cached; without it, or with
 ``NUMBA_DISABLE_JIT=1``, the same source runs as plain NumPy and gives the same numbers to rounding.
-Kernels are therefore written in array style (slices, ``@``), take and fill arrays, and hold no Python
-objects, so that both ways stay fast enough and readable.
+Kernels therefore take and fill arrays and hold no Python objects.
 """
 
 from __future__ import annotations
 
+import hashlib
+import os
+import shutil
+import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+_KEEP = 30 * 86400.0  # seconds that kernels of other versions stay cached
+
+
+def _cache_folder() -> Path | None:
+    """A folder of the user's cache for the kernels of exactly these sources; None: cannot be made.
+
+    numba notices a change in a kernel's own file only, not in one that it calls from another file.
+    """
+    package = Path(__file__).resolve().parent
+    digest = hashlib.sha256()
+    for source in sorted(package.rglob("*.py")):
+        text = source.read_bytes()
+        if b"@kernel" in text:
+            digest.update(text)
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    kernels = Path(base) / "wbc" / "kernels"
+    folder = kernels / digest.hexdigest()[:16]
+    try:
+        if not folder.is_dir():
+            folder.mkdir(parents=True, mode=0o700)
+            for other in kernels.iterdir():
+                if time.time() - other.stat().st_mtime > _KEEP:
+                    shutil.rmtree(other, ignore_errors=True)
+    except OSError:
+        return None
+    return folder if os.access(folder, os.W_OK) else None
+
 
 try:
     import numba
@@ -24,6 +56,8 @@ except ImportError:  # an optional extra: wbc[fast]
 
 else:
     COMPILED = not numba.config.DISABLE_JIT
+    if COMPILED and not numba.config.CACHE_DIR and (_folder := _cache_folder()) is not None:
+        numba.config.CACHE_DIR = str(_folder)
 
     def kernel(function: F) -> F:
         """Compile `function` on first use; division by zero gives inf/nan as in NumPy."""

@@ -14,13 +14,9 @@ from conformance.worlds import central_difference, make_world, seeded
 from wbc.costs import Collision, Cost
 
 SEEDS = range(4)
-COARSE = pytest.mark.xfail(
-    reason="coal stops GJK at 1e-6: distances to the object's hulls are noise below that",
-    raises=AssertionError,
-)
 
 
-def rows_of_table(spots: str = "spots", coarse: tuple[str, ...] = ()):  # type: ignore[no-untyped-def]
+def rows_of_table(spots: str = "spots"):  # type: ignore[no-untyped-def]
     """pytest parameters: case, robot, place, spot; with readable ids."""
     out = [
         pytest.param(
@@ -29,7 +25,6 @@ def rows_of_table(spots: str = "spots", coarse: tuple[str, ...] = ()):  # type: 
             place,
             spot,
             id="-".join([kind.__name__ + str(n), robot, place, spot]),
-            marks=[COARSE] if spot in coarse else [],
         )
         for kind, cases in COSTS.items()
         for n, case in enumerate(cases)
@@ -56,7 +51,7 @@ def test_cost_classes_are_final_frozen_and_exported(kind: type[Cost]) -> None:
     assert kind.__name__ in wbc.costs.__all__
 
 
-@rows_of_table(coarse=("object",))
+@rows_of_table()
 def test_gradient_is_the_derivative_of_the_value(case, robot, place, spot) -> None:  # type: ignore[no-untyped-def]
     """γ ∂C/∂q, the object at rest."""
     for seed in SEEDS:
