@@ -9,15 +9,16 @@ from typing import NamedTuple, final
 import numpy as np
 
 from wbc.arrays import Array, IntArray
+from wbc.compiled import kernel
 from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.contact.grasp import ContactState, ObjectReference
+from wbc.control.printed_law import PrintedLaw
 from wbc.control.task_stack import TaskStack
 from wbc.costs import Cost
 from wbc.robot.distances import Distances
 from wbc.robot.kinematics import Kinematics
 from wbc.rotations import exp_so3, multiply
 from wbc.stack.projection import solve_weighted
-from wbc.compiled import kernel
 
 
 class Motion(NamedTuple):
@@ -65,7 +66,16 @@ class Law:
         costs: Sequence[Cost],
         distances: Distances | None,
         gradient_gain: float,
+        *,
+        printed: bool = False,
+        passive_weight: float = 1.0,
     ) -> None:
+        """With `printed`, `solve` gives the published law (37) instead, to compare.
+
+        `passive_weight` is then the metric of ξ and θ beside the joints'; `freedom` and
+        `independence` are what `PrintedLaw` says of them.
+        """
+        self._printed = PrintedLaw(kin, stack, passive_weight) if printed else None
         self.kin = kin
         self.stack = stack
         self.costs = tuple(costs)
@@ -99,6 +109,11 @@ class Law:
 
     def solve(self, order: IntArray, activation: Array) -> Motion:
         """The law with the given gains, (L,), at the configuration last evaluated."""
+        if self._printed is not None:
+            descent = self.gradient_gain * self.gradient
+            answer = self._printed.solve(order, activation, descent, self.freedom)
+            self.rank, self.independence = answer.rank, answer.independence
+            return Motion(answer.main, answer.total)
         kin, stack = self.kin, self.stack
         self.rank, self.independence = solve_weighted(
             kin.rows[: kin.row_count], kin.rhs, stack.jacobian, stack.rhs, stack.row_activation,

@@ -55,8 +55,8 @@ def _smooth(x: float) -> float:
 def _remove(y: Array, basis: Array, count: int) -> None:
     """Take the part along the first `count` orthonormal rows of basis out of y.
 
-    Twice: what rounding leaves the first time, a small pivot below would amplify. Written out, for a
-    call into BLAS costs more than these few products.
+    Twice: what rounding leaves the first time, a small pivot below would amplify. Written out, for
+    a call into BLAS costs more than these few products.
     """
     for _ in range(2):
         for k in range(count):
