@@ -30,9 +30,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except WbcError as error:
         _say(str(error))
         return USAGE
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
         _say("interrupted")
-        return INTERRUPTED
+        return 128 + int(stop.args[0]) if stop.args else INTERRUPTED
     except BrokenPipeError:
         _close_stdout()  # the reader, e.g. head, has seen enough
         return 128 + 13

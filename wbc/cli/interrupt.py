@@ -13,8 +13,8 @@ _WATCHED = (signal.SIGINT, signal.SIGTERM)
 class Interrupts:
     """Collects signals while it is entered.
 
-    Before `ticking` is set there is no tick to finish, so a signal raises KeyboardInterrupt at
-    once; while ticking only a second one does. Once `saving` is set nothing does: the files are
+    Before `ticking` is set there is no tick to finish, so a signal raises KeyboardInterrupt, with
+    its number, at once; while ticking only a second one does. Once `saving` is set nothing does: the files are
     written.
 
     Attributes:
@@ -45,4 +45,4 @@ class Interrupts:
         again = self.received != 0
         self.received = self.received or number
         if not self.saving and (again or not self.ticking):
-            raise KeyboardInterrupt
+            raise KeyboardInterrupt(self.received)

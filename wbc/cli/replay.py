@@ -43,14 +43,17 @@ def view_command(arguments: argparse.Namespace) -> int:
         path = write_html(arguments.html, film.scene, snapshots)
         print(f"written: {path}")
         return 0
-    with _sigterm_as_ctrl_c(), contextlib.suppress(KeyboardInterrupt):
-        with LiveView(film.scene, arguments.port, not arguments.no_browser) as live:
-            if not live.alive:
-                raise WbcError(live.warning() or "the live view could not be started")
-            print(f"live view: {live.url} (Ctrl-C ends it)", flush=True)
-            replay(film.scene, snapshots, arguments.rate, view=live, wait=_WAIT, repeat=True)
-            if line := live.warning():
-                print(line, file=sys.stderr)
+    with (
+        _sigterm_as_ctrl_c(),
+        contextlib.suppress(KeyboardInterrupt),
+        LiveView(film.scene, arguments.port, not arguments.no_browser) as live,
+    ):
+        if not live.alive:
+            raise WbcError(live.warning() or "the live view could not be started")
+        print(f"live view: {live.url} (Ctrl-C ends it)", flush=True)
+        replay(film.scene, snapshots, arguments.rate, view=live, wait=_WAIT, repeat=True)
+        if line := live.warning():
+            print(line, file=sys.stderr)
     return 0
 
 
@@ -62,7 +65,7 @@ def plot_command(arguments: argparse.Namespace) -> int:
 
     folder = Path(arguments.out) if arguments.out else film.path.parent / "plots"
     files = plot(film.log, folder)
-    instants = list(film.snapshots(moments(film.log, _PICTURES)))
+    instants = list(film.snapshots(moments(film.log, _PICTURES).tolist()))
     files.append(draw_strip(film.scene, instants, folder / "strip.png"))
     print(f"written to {folder}: {', '.join(file.name for file in files)}")
     return 0

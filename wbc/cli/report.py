@@ -65,7 +65,8 @@ def _stack(summary: dict[str, Any]) -> str:
         for e in stack["list"][:6]
     ]
     more = ", ..." if stack["events"] > len(told) else ""
-    return f"{stack['events']} events" + (": " + ", ".join(told) + more if told else "")
+    events = "1 event" if stack["events"] == 1 else f"{stack['events']} events"
+    return events + (": " + ", ".join(told) + more if told else "")
 
 
 def _joints(summary: dict[str, Any]) -> str:

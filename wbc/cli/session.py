@@ -128,6 +128,8 @@ def results_folder(asked: str | None, scenario: str) -> Path:
     """
     folder = Path(asked) if asked else Path("runs") / _file_name(scenario)
     try:
+        if folder.exists() and not folder.is_dir():
+            raise NotADirectoryError(20, "it is not a folder")
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder) as file:
             file.write(bytes(_PAGE))
