@@ -70,7 +70,7 @@ class Supervisor:
         remove_above: C̄ of (40).
         insert_below: C̲ < C̄ of (43).
         horizon: how far ahead (42) looks along the full law, [s].
-        dwell: least time between two events, [s].
+        dwell: least time from an event to an insertion, [s]; a removal never waits for it.
     """
 
     remove_above: float
@@ -85,10 +85,9 @@ class Supervisor:
 
         As printed, (40)-(41) removes one task per tick until the stack is empty, because a removed
         task's gain takes time to fade: here a removal waits until the law with every gain at its
-        target would still raise the cost.
+        target would still raise the cost. A removal does not wait for the dwell time: (41) may take
+        the wrong task first, and links that approach each other would not wait either.
         """
-        if t - state.changed_at < self.dwell:
-            return state, None
         cost = forecast.cost_next()
         if cost >= self.remove_above:
             candidates = [h for h in order if state.wanted[h] and state.allowed[h]]
@@ -99,7 +98,8 @@ class Supervisor:
             if not np.isfinite(conflicts[least]):
                 return state, None
             return _changed(state, t, candidates[least], False, cost)
-        if state.allowed.all() or cost > self.insert_below:
+        settling = t - state.changed_at < self.dwell
+        if settling or state.allowed.all() or cost > self.insert_below:
             return state, None
         for h in order:
             if state.wanted[h] and not state.allowed[h]:
