@@ -1,4 +1,4 @@
-"""The one family of exceptions raised while loading. Nothing below `scenario` raises in the tick."""
+"""The exceptions raised while loading, one family. Nothing below `scenario` raises in the tick."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 
 class WbcError(Exception):
-    """Base of every error this package raises on bad input; its text is one clear line per fault."""
+    """Base of every error raised on bad input; its text is one clear line per fault."""
 
 
 class UrdfError(WbcError):

@@ -22,7 +22,7 @@ def skew(a: Array) -> Array:
     return np.array(((0.0, -a[2], a[1]), (a[2], 0.0, -a[0]), (-a[1], a[0], 0.0)))
 
 
-# Products of 3x3 matrices, written out: compiled they cost a few nanoseconds, a call into BLAS a hundred.
+# Products of 3x3 matrices, written out: compiled, they cost a tenth of a call into BLAS.
 
 
 @kernel

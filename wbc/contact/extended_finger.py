@@ -152,8 +152,9 @@ def _extend(
         v = main if moves else rest
         out = out_main if moves else rates
         _passive_rates(
-            mode, tip_rotation, pivot, spin, angular, xi_jacobian, xi_drift, twist_cmd, v, moves, out
-        )
+            mode, tip_rotation, pivot, spin, angular, xi_jacobian, xi_drift, twist_cmd, v, moves,
+            out,
+        )  # fmt: skip
     out_total[:] = out_main + rates
 
 
@@ -162,7 +163,7 @@ def _passive_rates(
     mode: IntArray, tip_rotation: Array, pivot: Array, spin: Array, angular: Array,
     xi_jacobian: Array, xi_drift: Array, twist_cmd: Array, v: Array, with_object: bool, out: Array,
 ) -> None:  # fmt: skip
-    """q̇, then ξ̇ and θ̇ (turning rate of C in F, in F's axes) by the angular rows of (33), from (29)."""
+    """q̇, then ξ̇ and θ̇ (turning rate of C in F, in F's axes) by (29), the angular rows of (33)."""
     n, nv = mode.shape[0], v.shape[0]
     out[:nv] = v
     out[nv:] = 0.0
@@ -186,6 +187,31 @@ def _passive_rates(
             if with_object:
                 turn[r] += twist_cmd[i, 3 + r]
         rotate(tip_rotation[i].T, turn, out[nv + 2 * n + 3 * i : nv + 2 * n + 3 * i + 3])
+
+
+@kernel
+def _contacts(
+    mode: IntArray, planar: bool, gain: float, charts: Array, pivot: Array, reach: Array,
+    reach_rate: Array, tip: Array, tip_rotation: Array, linear: Array, reference_p: Array,
+    reference_r: Array, twist: Array, frame: Array, normal_xi: Array, spin: Array,
+    position: Array, rotation: Array, estimate_p: Array, estimate_r: Array, error: Array,
+    twist_cmd: Array, rows: Array, rhs: Array, xi_jacobian: Array, xi_drift: Array,
+) -> tuple[int, int]:  # fmt: skip
+    """All of the contacts in one call: frames, object poses, rows. Returns fingers and rows."""
+    gauss_frames(charts, frame, normal_xi, spin)
+    estimate_p[:] = reference_p
+    estimate_r[:] = reference_r
+    arm = np.zeros(tip.shape)
+    holding = _object_poses(
+        mode, charts, frame, pivot, reach, tip, tip_rotation, position, rotation, arm,
+        estimate_p, estimate_r,
+    )  # fmt: skip
+    count = _contact_rows(
+        mode, planar, gain, charts, frame, normal_xi, reach, reach_rate, linear, position,
+        rotation, arm, reference_p, reference_r, twist, error, twist_cmd, rows, rhs,
+        xi_jacobian, xi_drift,
+    )  # fmt: skip
+    return holding, count
 
 
 @final
@@ -227,7 +253,6 @@ class ExtendedKinematics:
         self.spin: Array = np.zeros((n, 3, 2))
         self.position: Array = np.full((n, 3), np.nan)
         self.rotation: Array = np.full((n, 3, 3), np.nan)
-        self._arm: Array = np.zeros((n, 3))
         self.error: Array = np.full((n, 6), np.nan)
         self.twist_cmd: Array = np.zeros((n, 6))
         self.object_position: Array = np.zeros(3)
@@ -250,19 +275,12 @@ class ExtendedKinematics:
         self.state, self.reference = state, reference
         self.robot.update(q)
         self.grasp.surface.evaluate(state.xi, self.grasp.face, self.charts)
-        gauss_frames(self.charts, self.frame, self.normal_xi, self.spin)
-        self.object_position[:] = reference.position
-        self.object_rotation[:] = reference.rotation
-        self.holding = _object_poses(
-            state.mode, self.charts, self.frame, state.pivot, reference.reach, self._tip,
-            self._tip_rotation, self.position, self.rotation, self._arm, self.object_position,
-            self.object_rotation,
-        )  # fmt: skip
-        self.row_count = _contact_rows(
-            state.mode, self.grasp.planar, self.gain, self.charts, self.frame, self.normal_xi,
-            reference.reach, reference.reach_rate, self._linear, self.position, self.rotation,
-            self._arm, reference.position, reference.rotation, reference.twist, self.error, self.twist_cmd,
-            self.rows, self.rhs, self.xi_jacobian, self.xi_drift,
+        self.holding, self.row_count = _contacts(
+            state.mode, self.grasp.planar, self.gain, self.charts, state.pivot, reference.reach,
+            reference.reach_rate, self._tip, self._tip_rotation, self._linear,
+            reference.position, reference.rotation, reference.twist, self.frame, self.normal_xi,
+            self.spin, self.position, self.rotation, self.object_position, self.object_rotation,
+            self.error, self.twist_cmd, self.rows, self.rhs, self.xi_jacobian, self.xi_drift,
         )  # fmt: skip
         return self
 

@@ -32,7 +32,7 @@ class Settings:
 
     Attributes:
         dt: the tick, [s].
-        runge_kutta: integrate the references with the classical fourth-order rule, else with Euler's.
+        runge_kutta: integrate the references by the classical fourth-order rule, else Euler's.
         smoothing: μ of the gains, [1/s]; inf switches at once.
         lower, upper, velocity, acceleration: (nv,) limits of the filter; acceleration may be inf.
     """
@@ -51,8 +51,8 @@ class Controller:
     """First-stage controller: object motion and contact evolution to joint references (35)-(43).
 
     ``state = controller.init(q0)``, then ``record, state = controller.step(state, measurement)`` as
-    often as wanted: no threads, no clock, no files. The state is a value; the controller itself holds
-    only definitions and workspaces, so one controller serves one thread at a time.
+    often as wanted: no threads, no clock, no files. The state is a value; the controller itself
+    holds only definitions and workspaces, so one controller serves one thread at a time.
 
     Attributes:
         task_names: the tasks in the order of every (M,) array: the stack's, then the fingers' tips.
@@ -139,7 +139,7 @@ class Controller:
         )
 
     def _start_gains(self, wanted: BoolArray) -> gains.Activation:
-        """Every gain at 0, but 1 for tips that reach: their references start at rest where they are."""
+        """Every gain at 0, but 1 for tips that reach: their references start where they are."""
         rho = np.zeros(len(wanted))
         tips = list(self._tips)
         rho[tips] = wanted[tips]
@@ -192,7 +192,9 @@ class Controller:
         seen = observe(self.law)
         change = self.phases.advance(state.phase, t, self.law.kin, seen)
         if not change.entered:
-            return state._replace(phase=change.phase), seen
+            if change.phase is not state.phase:
+                state = state._replace(phase=change.phase)
+            return state, seen
         state = self._handed_over(state._replace(phase=change.phase), change.contact)
         self._evaluate(t, state.q, state.contact, state, self._active(state))
         return state, observe(self.law)
@@ -206,7 +208,7 @@ class Controller:
         self.law.evaluate(q, contact, reference, targets, active)
 
     def _active(self, state: ControllerState) -> list[bool]:
-        """(M,) tasks to evaluate: the stack's always, for the log and their return, tips if in force."""
+        """(M,) tasks to evaluate: the stack's always, for log and return, tips if in force."""
         first = len(self._priority)
         wanted, rho = state.stack.wanted[first:].tolist(), state.activation.rho[first:].tolist()
         return [True] * first + [w or r > 0.0 for w, r in zip(wanted, rho, strict=True)]
@@ -214,11 +216,11 @@ class Controller:
     def _handed_over(self, state: ControllerState, contact: ContactState) -> ControllerState:
         """A new phase: rows pass between the main task and the tips without a step.
 
-        A finger that leaves had its tip held by the contact's rows: its tip task takes over at once,
+        A finger that leaves had its tip held by the contact's rows: its tip task takes over now,
         starting at rest. A tip that touches and pivots is held by the contact's rows from now on;
         one that may slide keeps its tip task, which fades.
         """
-        phase = self.phases.phases[state.phase.index]
+        phase = self.phases.phases[state.phase.current]
         rho, lag = state.activation.rho.copy(), state.activation.lag.copy()
         for i, k in enumerate(self._tips):
             before, now = state.contact.mode[i], contact.mode[i]
@@ -342,7 +344,7 @@ class Controller:
             residuals=seen.residuals,
             cost=seen.cost,
             min_distance=seen.min_distance,
-            phase=state.phase.index,
+            phase=state.phase.current,
             status=status,
             limited=limited,
             independence=sight.independence,

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
 from wbc.arrays import Array
 from wbc.compiled import kernel
 from wbc.contact.grasp import ContactState
@@ -17,7 +15,7 @@ Evaluate = Callable[[Array, ContactState, float, Array], Motion]
 
 
 @kernel
-def _flatten_turns(step, rates, first):  # type: ignore[no-untyped-def]
+def _flatten_turns(step: Array, rates: Array, first: int) -> None:
     """Turning rates at a stage, carried back to rates of the rotation vector from the tick's start.
 
     Rotations do not add; their vectors do, to the order the rule needs (Munthe-Kaas).

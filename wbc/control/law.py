@@ -149,8 +149,8 @@ class CostForecast:
         """
         distances, known = self.distances, now.distances
         if distances is not None and known is not None:
-            if known.least_after(now.kin.robot.q, q) > distances.near:
-                distances = None
+            least = known.least_after(now.kin.robot.q, q)
+            distances = None if least > distances.near else distances
         if distances is None:
             self.kin.q[:] = q
         else:

@@ -1,4 +1,4 @@
-"""What a tick sees before it commands: the part of the record that the sequence of phases reads too."""
+"""What a tick sees before it commands; the sequence of phases reads it too."""
 
 from __future__ import annotations
 
@@ -6,33 +6,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.arrays import Array
+from wbc.arrays import Array, IntArray
 from wbc.compiled import kernel
 from wbc.control.law import Law
-from wbc.rotations import cross
+from wbc.rotations import cross, rotate
 
 
 @kernel
 def _observe(
-    mode,
-    charts,
-    frame,
-    position,
-    rotation,
-    error,
-    task_first,
-    task_last,
-    rows,
-    points,
-    normals,
-    object_error,
-    task_error,
-):  # type: ignore[no-untyped-def]
+    mode: IntArray, charts: Array, frame: Array, position: Array, rotation: Array, error: Array,
+    task_first: IntArray, task_last: IntArray, rows: Array, points: Array, normals: Array,
+    object_error: Array, task_error: Array,
+) -> tuple[float, float]:  # fmt: skip
     f, m = np.zeros(3), np.zeros(3)
     for i in range(mode.shape[0]):
         point, normal = charts[i, 0], frame[i, :, 2]
-        points[i] = position + rotation @ point
-        normals[i] = rotation @ normal
+        rotate(rotation, point, points[i])
+        points[i] += position
+        rotate(rotation, normal, normals[i])
         f += normal
         m += cross(point, normal)
         if mode[i] == 0:

@@ -10,8 +10,8 @@ import numpy as np
 from wbc.arrays import Array, BoolArray, IntArray
 from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.contact.grasp import ContactMode, ContactState
-from wbc.control.references import Motion
 from wbc.control.observe import Seen
+from wbc.control.references import Motion
 from wbc.control.state import PhaseState
 from wbc.rotations import log_so3
 
@@ -57,7 +57,7 @@ class Phase:
     Attributes:
         name: unique.
         mode: (N,) ContactMode of each finger.
-        reach: (N,) clearance outside the surface that a free tip goes to, [m]; NaN: it does not reach.
+        reach: (N,) clearance outside the surface that a free tip goes to, [m]; NaN: it does not.
         wanted: (M,) tasks asked for, tips included.
         pad: (N,) l − Δl at the end of the phase, [m].
         object_motion: where the object goes; None: it stays.
@@ -147,10 +147,10 @@ class PhaseSequence:
     def advance(
         self, state: PhaseState, t: float, kin: ExtendedKinematics, seen: Seen
     ) -> Transition:
-        """Look at the phase at time t, with everything evaluated there; the result is in force from t."""
+        """Look at the phase at time t, all evaluated there; the result is in force from t."""
         if state.done or state.stopped:
             return Transition(state, kin.state, False, False)
-        phase = self.phases[state.index]
+        phase = self.phases[state.current]
         if self._over(phase, state, t, kin, seen):
             return self._enter_next(state, t, kin)
         if t - state.since >= phase.timeout - 1e-9 and phase.name not in state.timeouts:
@@ -189,13 +189,14 @@ class PhaseSequence:
         return True
 
     def _enter_next(self, state: PhaseState, t: float, kin: ExtendedKinematics) -> Transition:
-        if state.index + 1 >= len(self.phases):
+        if state.current + 1 >= len(self.phases):
             return Transition(state._replace(done=True), kin.state, False, False)
-        index = state.index + 1
+        index = state.current + 1
         motion = self.begin(index, t, kin, state.motion)
         mode = self.phases[index].mode
         pivot = np.array(kin.state.pivot)
         for i in np.flatnonzero((kin.state.mode == ContactMode.FREE) & (mode != ContactMode.FREE)):
             pivot[i] = kin.touch(int(i))
         contact = ContactState(mode, kin.state.xi, pivot)
-        return Transition(state._replace(index=index, since=t, motion=motion), contact, True, False)
+        state = state._replace(current=index, since=t, motion=motion)
+        return Transition(state, contact, True, False)

@@ -1,4 +1,4 @@
-"""Minimum-jerk references: object pose, pads and free tips from where they are to where a phase wants them."""
+"""Minimum-jerk references of object, pads and free tips, from where they are to a phase's goals."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Motion(NamedTuple):
 
 @kernel
 def minimum_jerk(tau: float) -> tuple[float, float]:
-    """Share of the way at share tau of the time, and its derivative by tau; 0 and 1 outside [0, 1]."""
+    """Share of the way at share tau of the time, and its slope; 0 and 1 outside [0, 1]."""
     if tau <= 0.0:
         return 0.0, 0.0
     if tau >= 1.0:
@@ -48,21 +48,10 @@ def minimum_jerk(tau: float) -> tuple[float, float]:
 
 @kernel
 def _evaluate(
-    t,
-    start,
-    duration,
-    position,
-    rotation,
-    turn,
-    reach,
-    tips,
-    out_position,
-    out_rotation,
-    out_twist,
-    out_reach,
-    out_reach_rate,
-    out_tips,
-):  # type: ignore[no-untyped-def]
+    t: float, start: float, duration: float, position: Array, rotation: Array, turn: Array,
+    reach: Array, tips: Array, out_position: Array, out_rotation: Array, out_twist: Array,
+    out_reach: Array, out_reach_rate: Array, out_tips: Array,
+) -> None:  # fmt: skip
     s, ds = minimum_jerk((t - start) / duration)
     ds /= duration
     way = position[1] - position[0]
@@ -81,7 +70,7 @@ def _evaluate(
 
 @final
 class References:
-    """Workspace in which a `Motion` is evaluated; what it returns is overwritten by the next call."""
+    """Workspace in which a `Motion` is evaluated; the next call overwrites what one returns."""
 
     def __init__(self, fingers: int) -> None:
         self.object = ObjectReference(

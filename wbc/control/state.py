@@ -47,7 +47,7 @@ class PhaseState(NamedTuple):
     """Where the sequence of phases is.
 
     Attributes:
-        index: the phase.
+        current: index of the phase.
         since: time it began, [s].
         motion: its references.
         done: the last phase has met its exit condition.
@@ -55,7 +55,7 @@ class PhaseState(NamedTuple):
         timeouts: names of the phases that timed out.
     """
 
-    index: int
+    current: int
     since: float
     motion: Motion
     done: bool

@@ -48,9 +48,11 @@ class TaskStack:
         self.saturation = np.array([self.tasks[k].saturation for k in self.level_task])
         self.exact = np.array([self.tasks[k].exact_share for k in self.level_task])
         self.scale: Array = 1.0 / np.sqrt(metric)
-        self.jacobian_ext: Array = np.zeros((start, nv + 2 * fingers))
-        self.error: Array = np.zeros(start)
-        self.rate: Array = np.zeros(start)
+        width = nv + 2 * fingers
+        self._written: Array = np.zeros(start * (width + 2))  # one block, cleared at once
+        self.error: Array = self._written[:start]
+        self.rate: Array = self._written[start : 2 * start]
+        self.jacobian_ext: Array = self._written[2 * start :].reshape(start, width)
         self.row_activation: Array = np.ones(start)
         self.jacobian: Array = np.zeros((start, nv))
         self.rhs: Array = np.zeros(start)
@@ -63,9 +65,7 @@ class TaskStack:
         self, kin: ExtendedKinematics, targets: Sequence[Array | None], active: Sequence[bool]
     ) -> None:
         """All rows at `kin`. Tasks that are neither in nor fading (`active` false) stay zero."""
-        self.jacobian_ext.fill(0.0)
-        self.error.fill(0.0)
-        self.rate.fill(0.0)
+        self._written.fill(0.0)
         self.row_activation.fill(1.0)
         for task, slot, target, on in zip(self.tasks, self._slots, targets, active, strict=True):
             if on:

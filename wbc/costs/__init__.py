@@ -1,4 +1,4 @@
-"""Costs: scalars that grow towards a constraint, descended with whatever freedom the tasks leave."""
+"""Costs: scalars that grow towards a constraint, descended in the freedom that tasks leave."""
 
 from wbc.costs.base import Cost
 from wbc.costs.collision import Collision

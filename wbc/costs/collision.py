@@ -15,8 +15,10 @@ from wbc.robot.kinematics import Kinematics
 
 
 @kernel
-def _pair_cost(d, safety, floor, stiffness, printed):  # type: ignore[no-untyped-def]
-    """c(d) of (51) and its slope; below the floor the tangent goes on, so that it keeps pushing apart."""
+def _pair_cost(
+    d: float, safety: float, floor: float, stiffness: float, printed: bool
+) -> tuple[float, float]:
+    """c(d) of (51) and its slope; below the floor the tangent goes on and keeps pushing apart."""
     if d >= safety:
         return 0.0, 0.0
     x = max(d, floor)
@@ -33,7 +35,10 @@ def _pair_cost(d, safety, floor, stiffness, printed):  # type: ignore[no-untyped
 
 
 @kernel
-def _pair_costs(d, pairs, safety, floor, stiffness, printed, slopes):  # type: ignore[no-untyped-def]
+def _pair_costs(
+    d: Array, pairs: IntArray, safety: float, floor: float, stiffness: float, printed: bool,
+    slopes: Array,
+) -> tuple[float, bool]:  # fmt: skip
     total = 0.0
     near = False
     for k in range(pairs.shape[0]):

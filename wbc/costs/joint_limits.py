@@ -15,7 +15,10 @@ from wbc.robot.kinematics import Kinematics
 
 
 @kernel
-def _joint_limit_cost(q, lower, upper, stiffness, delta, offset, weight, gradient):  # type: ignore[no-untyped-def]
+def _joint_limit_cost(
+    q: Array, lower: Array, upper: Array, stiffness: float, delta: float, offset: float,
+    weight: float, gradient: Array,
+) -> float:  # fmt: skip
     """C_JL of (49); adds weight · ∂C/∂q to gradient."""
     total = 0.0
     for j in range(q.shape[0]):

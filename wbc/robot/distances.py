@@ -283,7 +283,7 @@ def _segment_distance(a0: Array, a1: Array, b0: Array, b1: Array) -> float:
     for r in range(3):
         d = a0[r] - b0[r] + s * (a1[r] - a0[r]) - t * (b1[r] - b0[r])
         total += d * d
-    return np.sqrt(total)
+    return math.sqrt(total)
 
 
 @kernel
@@ -339,7 +339,7 @@ class Distances:
         return self
 
     def least_after(self, q_now: Array, q: Array) -> float:
-        """What no distance can be below after a motion from q_now, where they were measured, to q."""
+        """What no distance is below after a motion from q_now, where they were measured, to q."""
         return float(_least_after(self.value, self.scene.reach, q_now, q))
 
     def smallest(self) -> float:

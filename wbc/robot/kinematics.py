@@ -1,4 +1,4 @@
-"""Kinematics of the robot at one configuration: computed once per tick, then handed on as a token."""
+"""Kinematics of the robot at one configuration: computed once, then handed on as a token."""
 
 from __future__ import annotations
 
@@ -62,8 +62,9 @@ def _frames(
 class Kinematics:
     """Frames, Jacobians and (where asked for) the centre of mass at one q.
 
-    The arrays are this object's workspace: `update` overwrites them and returns the object, and what
-    is read until the next `update` belongs to that q. Frames are tracked by their place in `frames`.
+    The arrays are this object's workspace: `update` overwrites them and returns the object, and
+    what is read until the next `update` belongs to that q. Frames are known by their place in
+    `frames`.
 
     Attributes:
         model: the robot.

@@ -93,7 +93,8 @@ def load_robot(path: Path) -> RobotModel:
     for j in range(1, model.njoints):
         if model.joints[j].nq != 1:
             raise UrdfError(
-                f"{path}: joint '{model.names[j]}' is continuous; give it limits and make it revolute"
+                f"{path}: joint '{model.names[j]}' is continuous; "
+                "give it limits and make it revolute"
             )
     # from the checked text, not the file: what was checked is what is loaded
     geometry = pin.buildGeomFromUrdfString(

@@ -1,4 +1,4 @@
-"""From a checked scenario to the controller that runs it: every name resolved, every error found."""
+"""From a checked scenario to the controller that runs it: all names resolved, all faults found."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def build_costs(scenario: Scenario, model: RobotModel, scene: CollisionScene | N
                     spec.stiffness,
                     spec.delta,
                     printed=spec.form == "printed",
-                )  # fmt: skip
+                )
             )
         elif isinstance(spec, CollisionSpec) and scene is not None:
             costs.append(_collision(name, spec, scene))
