@@ -112,7 +112,10 @@ def _assemble(loaded: Loaded, model: RobotModel) -> Assembly:
     costs = build_costs(scenario, model, scene)
     near = nearness(scenario)
     distances = Distances(scene, near) if scene is not None else None
-    law = Law(kin, stack, costs, distances, scenario.stack.gradient_gain)  # fmt: skip
+    law = Law(
+        kin, stack, costs, distances, scenario.stack.gradient_gain,
+        printed=scenario.stack.form == "printed",
+    )  # fmt: skip
     forecast = CostForecast(
         tuple(costs), Kinematics(model, ()), Distances(scene, near) if scene is not None else None
     )

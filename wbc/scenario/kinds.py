@@ -324,7 +324,7 @@ class CollisionSpec(CostSpec):
     safety_distance: PositiveLength
     stiffness: PositiveNumber = 1.0
     floor: Distance | None = Field(
-        default=None, description="distance below which the cost rises no more"
+        default=None, description="distance below which the cost's slope stays"
     )
     pairs: AutoOrPairs = Field(default=None, description="auto: those of the robot")
 

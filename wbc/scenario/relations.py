@@ -97,9 +97,8 @@ def _pose(path: KeyPath, pose: dict[str, Any], faults: Faults) -> None:
 
 def _durations(path: KeyPath, phase: dict[str, Any], faults: Faults) -> None:
     if "over" not in phase:
-        motion = phase.get("object")
-        for key, moves in (("reach", phase.get("reach")), ("object", motion)):
-            if moves and not (key == "object" and "over" in mapping(motion)):
+        for key in ("reach", "object"):
+            if phase.get(key):
                 text = "needs 'over' in this phase, the duration of the motion"
                 faults.add((*path, key), text, on="key")
     after = _si(mapping(phase.get("timeout")).get("after"), "time")

@@ -106,11 +106,11 @@ class Supervisor(Block):
 
     remove_above: PositiveNumber = 0.05
     insert_below: PositiveNumber = 0.02
-    horizon: PositiveTime = Field(default=0.02, description="how far ahead the cost is predicted")
+    horizon: PositiveTime = Field(default=0.02, description="how far ahead a task's return is judged")
     smoothing: RateOrOff = Field(
         default=20.0, description="rate of the smooth switch; off: at once"
     )
-    dwell: Time = Field(default=0.0, description="shortest time between two switches of one task")
+    dwell: Time = Field(default=0.0, description="shortest time from a switch to a task's return")
 
 
 @final
@@ -137,10 +137,7 @@ class Motion(Block):
     target: Pose
     relative: Flag = Field(
         default=False,
-        description="target is a displacement from the pose at the start of the phase",
-    )
-    over: PositiveTime | None = Field(
-        default=None, description="duration; that of the phase if not given"
+        description="target is a displacement from the pose at the start, in the world's axes",
     )
 
 
