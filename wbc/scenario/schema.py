@@ -106,7 +106,9 @@ class Supervisor(Block):
 
     remove_above: PositiveNumber = 0.05
     insert_below: PositiveNumber = 0.02
-    horizon: PositiveTime = Field(default=0.02, description="how far ahead a task's return is judged")
+    horizon: PositiveTime = Field(
+        default=0.02, description="how far ahead a task's return is judged"
+    )
     smoothing: RateOrOff = Field(
         default=20.0, description="rate of the smooth switch; off: at once"
     )
