@@ -22,6 +22,15 @@ CARRY = (
 )
 """A setting of planar_exchange under which the object moves."""
 
+POSTURE = """\
+name: posture
+robot: {urdf: planar_gripper}
+tasks: {rest: {type: posture, gain: 2 /s, target: {'*': 10 deg}}}
+stack: {priority: [rest]}
+simulation: {duration: 0.1 s, step: 2 ms}
+"""
+"""A scenario without object, costs and phases."""
+
 
 def environment(**more: str) -> dict[str, str]:
     """This process's, with the checkout on the path and nothing that changes how wbc behaves."""

@@ -10,7 +10,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from .shell import CARRY, COMMAND, PATIENCE, SHORT, arrays, environment, wbc
+from .shell import CARRY, COMMAND, PATIENCE, POSTURE, SHORT, arrays, environment, wbc
 
 FIXED = {
     "t": "T", "q": "Tn", "v": "Tn", "joint_names": "n", "object_pose": "T7",
@@ -106,6 +106,16 @@ def test_a_run_is_its_own_scenario(tmp_path):
     assert list(first["phase_names"]) == ["carry"]
     for name in set(first) - {"meta"}:
         np.testing.assert_array_equal(first[name], second[name], err_msg=name)
+
+
+def test_a_scenario_without_object_and_phases_runs_to_its_end(tmp_path):
+    (tmp_path / "posture.yaml").write_text(POSTURE)
+    done = wbc("run", "posture.yaml", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("posture: success\n")
+    log = arrays(tmp_path / "out/log.npz")
+    assert log["object_error"].shape == (50, 0, 2)
+    assert log["task_error"][-1, 0] < log["task_error"][0, 0]
 
 
 def test_seed_and_pace(tmp_path):

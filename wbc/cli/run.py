@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import math
 import sys
 import time
 from dataclasses import dataclass
@@ -161,8 +162,12 @@ class _Session:
         """Write log and summary; the summary, and whether everything was written."""
         log = self.recorder.finish(complete=not interrupted)
         state = self.assembly.start if self.state is None else self.state
-        phases = self.assembly.controller.phases
-        summary = summarize(log, Outcome.of(phases, state.phase, interrupted=interrupted))
+        phases = self.assembly.controller.phases.phases
+        # a last phase without exit condition lasts to the end of the run, and that it has reached
+        endless = state.phase.index == len(phases) - 1 and math.isinf(phases[-1].until.time)
+        done = state.phase.done or (endless and not interrupted)
+        outcome = Outcome(phases, done, state.phase.timeouts, interrupted)
+        summary = summarize(log, outcome)
         if interrupted:
             summary["reason"] = f"interrupted; {summary['reason']}".rstrip("; ")
             summary["success"] = False
