@@ -13,6 +13,7 @@ from wbc.arrays import Array, BoolArray
 from wbc.contact.grasp import ContactMode, ContactState
 from wbc.control.integrator import runge_kutta
 from wbc.control.law import CostForecast, Law, Motion, Sight, moved
+from wbc.control.limiting import keeping_the_main_task
 from wbc.control.observe import Seen, observe
 from wbc.control.phases import PhaseSequence
 from wbc.control.references import References
@@ -310,10 +311,15 @@ class Controller:
         limited = Limited(*shares)
         if limited == NOT_LIMITED:
             return motion.total, status, limited
-        # the contact variables keep step with the joints: the same shares of the same motions
-        step = limited.main * motion.main + limited.secondary * (motion.total - motion.main)
-        step = state.rates + limited.change * (step - state.rates)
-        step[:nv] = command
+        if status:  # it brakes, along the straight line to rest
+            step = (1.0 - limited.change) * state.rates
+            step[:nv] = command
+        else:
+            reference = self._references.at((state.tick + 1) * s.dt, state.phase.motion)
+            bounds = (s.lower, s.upper, s.velocity, s.acceleration)
+            step, limited = keeping_the_main_task(
+                self.law, state.q, state.contact, state.rates, motion, reference, bounds, s.dt
+            )
         return step, status | (Status.CLIPPED if limited.clipped else Status.SCALED), limited
 
     def _record(

@@ -125,6 +125,23 @@ def limit(
     Returns:
         The fields of `Limited`.
     """
+    return limit_from(last, v_main, v, last, low, high, acceleration, dt, out)[:5]
+
+
+@kernel
+def limit_from(
+    anchor: Array, v_main: Array, v: Array, last: Array, low: Array, high: Array,
+    acceleration: Array, dt: float, out: Array,
+) -> tuple[float, float, float, bool, int, float]:  # fmt: skip
+    """`limit`, where a change that does not fit goes from the last command to `anchor` first.
+
+    Args:
+        anchor: (n,) the velocity nearest to the last command that does what the main task wants
+            now; the last command itself where that is not known.
+
+    Returns:
+        The fields of `Limited`, and the share of the way to the anchor that fits.
+    """
     n = v.shape[0]
     zero = np.zeros(n)
     out[:] = v
@@ -138,10 +155,15 @@ def limit(
             secondary = 0.0
         out[:] = main * v_main + secondary * (v - v_main)
     reach = acceleration * dt
-    change, slow = _fit(last, out - last, last - reach, last + reach)
-    if change < 1.0:
-        joint = slow
-        out[:] = last + change * (out - last)
+    least, most = np.maximum(last - reach, low), np.minimum(last + reach, high)
+    kept, change = 1.0, 1.0
+    if _fit(last, out - last, least, most)[1] >= 0:
+        kept, slow = _fit(last, anchor - last, least, most)
+        begin = last + kept * (anchor - last)
+        change, slowest = _fit(begin, out - anchor, least, most)
+        if kept < 1.0 or change < 1.0:
+            joint = slowest if slowest >= 0 else slow
+            out[:] = begin + change * (out - anchor)
     clipped = False
     for j in range(n):
         inside = min(max(out[j], low[j]), high[j])
@@ -149,7 +171,7 @@ def limit(
             clipped = True
             joint = j
         out[j] = inside
-    return secondary, main, change, clipped, joint
+    return secondary, main, change, clipped, joint, kept
 
 
 @kernel
