@@ -5,11 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import final
 
+import numpy as np
+
 from wbc.arrays import Array
+from wbc.compiled import kernel
 from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.contact.surfaces import Surface
-from wbc.rotations import cross
+from wbc.rotations import cross, rotate
 from wbc.tasks.base import Task, TaskRows, fade
+
+
+@kernel
+def _in_object(point: Array, position: Array, rotation: Array) -> Array:
+    out = np.empty(3)
+    rotate(rotation.T, point - position, out)
+    return out
 
 
 @final
@@ -34,8 +44,8 @@ class PalmDistance(Task):
         return 1
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
-        offset = kin.robot.position[self.frame] - kin.object_position
-        point = offset @ kin.object_rotation
+        palm = kin.robot.position[self.frame]
+        point = _in_object(palm, kin.object_position, kin.object_rotation)
         level = self.region.level(point)
         if level >= 0.0:
             out.activation[0] = 0.0
@@ -45,5 +55,5 @@ class PalmDistance(Task):
         out.jacobian[0, : kin.robot.model.nv] = gradient @ kin.robot.linear[self.frame]
         # ∂σ/∂t: the object carries the surface along
         v, w = kin.reference.twist[:3], kin.reference.twist[3:]
-        out.rate[0] = gradient @ v + gradient @ cross(w, offset)
+        out.rate[0] = gradient @ v + gradient @ cross(w, palm - kin.object_position)
         out.activation[0] = fade(-level, self.band)
