@@ -14,8 +14,8 @@ class Interrupts:
     """Collects signals while it is entered.
 
     Before `ticking` is set there is no tick to finish, so a signal raises KeyboardInterrupt, with
-    its number, at once; while ticking only a second one does. Once `saving` is set nothing does: the files are
-    written.
+    its number, at once; while ticking only a second one does. Once `saving` is set nothing does:
+    the files are written.
 
     Attributes:
         ticking, saving: what the run is at.

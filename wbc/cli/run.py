@@ -164,7 +164,7 @@ class _Session:
         state = self.assembly.start if self.state is None else self.state
         phases = self.assembly.controller.phases.phases
         # a last phase without exit condition lasts to the end of the run, and that it has reached
-        endless = state.phase.index == len(phases) - 1 and math.isinf(phases[-1].until.time)
+        endless = state.phase.current == len(phases) - 1 and math.isinf(phases[-1].until.time)
         done = state.phase.done or (endless and not interrupted)
         outcome = Outcome(phases, done, state.phase.timeouts, interrupted)
         summary = summarize(log, outcome)
