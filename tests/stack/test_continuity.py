@@ -122,9 +122,16 @@ def test_a_level_fades_above_a_nearly_parallel_one(angle, exact):
 @pytest.mark.parametrize("rho", [0.2, 0.5, 0.85])
 def test_what_a_fading_level_leaves_of_its_own_direction(rho):
     """Of what it misses, a parallel level below makes up for the share gᵀg / d = 1 − ρ."""
-    row = np.arange(1.0, 5.0)
-    found = row @ solve(make_stack(4, [level(row, 2.0, rho), level(3.0 * row, -9.0)])).v
-    assert found == pytest.approx(2.0 * rho + (1.0 - rho) * (-3.0 - 2.0 * rho), rel=1e-12)
+    row, other = np.arange(1.0, 5.0), np.array([4.0, -3.0, 2.0, -1.0])
+    fading = level(row, 2.0, rho)
+    found = solve(make_stack(4, [fading, level(3.0 * row, -9.0)])).v
+    wanted = 2.0 * rho + (1.0 - rho) * (-3.0 - 2.0 * rho)
+    assert row @ found == pytest.approx(wanted, rel=1e-12)
+    # one direction of a block, the other being all its own
+    block = level(np.array([row + other, row - other]), [-3.0 + 0.7, -3.0 - 0.7])
+    found = solve(make_stack(4, [fading, block])).v
+    assert row @ other == 0.0
+    np.testing.assert_allclose([row @ found, other @ found], [wanted, 0.7], rtol=1e-12)
 
 
 @pytest.mark.parametrize("place", range(4))
