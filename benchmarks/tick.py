@@ -57,6 +57,11 @@ def pieces(euler: Assembly, rk4: Assembly, state) -> dict[str, Callable[[], obje
         pin.computeJointJacobians(robot, data, q)
         pin.updateFramePlacements(robot, data)
 
+    def sight() -> None:
+        if law.distances is not None:
+            law.distances.update(kin.robot, kin.object_position, kin.object_rotation)
+        observe(law)
+
     def costs() -> None:
         if law.distances is not None:
             law.distances.update(kin.robot, kin.object_position, kin.object_rotation)
@@ -73,7 +78,7 @@ def pieces(euler: Assembly, rk4: Assembly, state) -> dict[str, Callable[[], obje
         "  prioritized solve": lambda: law.solve(state.level_order, levels),
         "  supervisor": lambda: controller._supervised(t, state, motion),
         "  limit filter": lambda: controller._limited(state, motion, None),
-        "  what the record sees": lambda: observe(law),
+        "  record (distances anew, and the smallest)": sight,
     }
 
 

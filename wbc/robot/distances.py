@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from wbc.arrays import Array, BoolArray, IntArray, read_only
 from wbc.compiled import kernel
-from wbc.robot.kinematics import Kinematics
+from wbc.robot.kinematics import Kinematics, placements
 from wbc.robot.model import RobotModel
 
 OBJECT = "object"
@@ -296,6 +296,15 @@ def _least_after(value: Array, reach: Array, q_now: Array, q: Array) -> float:
     return least
 
 
+@kernel
+def _put(poses: Array, shapes: IntArray, position: Array, rotation: Array) -> None:
+    for k in shapes:
+        for c in range(3):
+            for r in range(3):
+                poses[k, 3 * c + r] = rotation[r, c]
+            poses[k, 9 + c] = position[c]
+
+
 @final
 class Distances:
     """Distances of all pairs of a scene at one configuration; a workspace like `Kinematics`.
@@ -314,7 +323,8 @@ class Distances:
         for request in self._data.distanceRequests:
             request.gjk_tolerance = _TOLERANCE
         self._results = [self._data.distanceResults[k] for k in range(len(scene.pair_names))]
-        self._pieces = [self._data.oMg[k] for k in scene.pieces]
+        self._pieces: IntArray = np.array(scene.pieces, dtype=np.int64)
+        self._poses = placements(self._data.oMg, writeable=True)
         self._clear: BoolArray = np.ones(len(self._results), dtype=np.bool_)
         self._placed = False
         self._pose = (np.zeros(3), np.eye(3))
@@ -368,9 +378,7 @@ class Distances:
         kin, (position, rotation) = self._kin, self._pose
         assert kin is not None
         pin.updateGeometryPlacements(kin.model.pin_model, kin.data, self.scene.geometry, self._data)
-        for piece in self._pieces:
-            piece.translation[...] = position
-            piece.rotation[...] = rotation
+        _put(self._poses, self._pieces, position, rotation)
         self._placed = True
 
     def gradient(self, pair: int, kin: Kinematics) -> Array:

@@ -13,7 +13,7 @@ from wbc.errors import WbcError
 from wbc.robot.model import RobotModel
 
 
-def placements(poses: Any) -> Array:
+def placements(poses: Any, *, writeable: bool = False) -> Array:
     """All placements of a Pinocchio vector of SE3 as one array that follows it, shape (n, 12).
 
     Columns: the rotation column by column, then the translation. Pinocchio keeps them in one block;
@@ -30,7 +30,7 @@ def placements(poses: Any) -> Array:
         addresses = [x.__array_interface__["data"][0] for x in (r, t)]
         if addresses != [base + 96 * k, base + 96 * k + 72] or r.strides != (8, 24):
             raise WbcError("this version of pinocchio lays out its placements in an unknown way")
-    return np.lib.stride_tricks.as_strided(first, (len(poses), 12), (96, 8), writeable=False)
+    return np.lib.stride_tricks.as_strided(first, (len(poses), 12), (96, 8), writeable=writeable)
 
 
 @kernel
