@@ -90,16 +90,18 @@ def _approach(room: float, a: float, dt: float) -> float:
 def _fit(start: Array, step: Array, low: Array, high: Array) -> tuple[float, int]:
     """Largest s in [0, 1] with start + s step inside the bounds, and the joint that stops it.
 
-    A joint whose start is outside already does not stop it: clipping is left to deal with it.
+    A joint whose start is outside already does not stop it: clipping is left to deal with it. One
+    at its bound is not outside, whatever rounding made of that.
     """
     s = 1.0
     joint = -1
     for j in range(start.shape[0]):
         end = start[j] + step[j]
         slack = _ROUNDING * (1.0 + abs(end))
-        if end > high[j] + slack and start[j] <= high[j]:
+        near = _ROUNDING * (1.0 + abs(start[j]))
+        if end > high[j] + slack and start[j] <= high[j] + near:
             share = (high[j] - start[j]) / step[j]
-        elif end < low[j] - slack and start[j] >= low[j]:
+        elif end < low[j] - slack and start[j] >= low[j] - near:
             share = (low[j] - start[j]) / step[j]
         else:
             continue
