@@ -48,11 +48,11 @@ def test_each_phase_has_its_grasp(told):
     phases = block(told, "phases")
     heads = [line for line in phases if line[0].isdecimal()]
     assert [line.split(":")[0] for line in heads] == [
-        "1. approach", "2. slide", "3. hand_over", "4. leave"
+        "1. approach", "2. slide", "3. hand_over", "4. leave", "5. carry"
     ]  # fmt: skip
     assert "f3 sliding, f4 sliding" in heads[1]
     sizes = [line.split(",")[0] for line in phases if line.startswith("J~")]
-    assert sizes == ["J~ 6 x 16", "J~ 12 x 20", "J~ 12 x 18", "J~ 6 x 16"]
+    assert sizes == ["J~ 6 x 16", "J~ 12 x 20", "J~ 12 x 18", "J~ 6 x 16", "J~ 6 x 16"]
     assert phases[2] == "redundant (f1, f2), determinate"
     assert phases[3].startswith("force closure: with any friction")
     assert sum(line.startswith("manipulability:") for line in phases) == 4
