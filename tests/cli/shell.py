@@ -11,10 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
+from wbc.scenario import load
+
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = (sys.executable, "-m", "wbc")
 SHORT = ("--set", "simulation.duration=0.2")
 PATIENCE = 240.0  # the kernels may have to be compiled first
+
+PHASES = tuple(phase.name for phase in load("planar_exchange").scenario.phases)
 
 CARRY = (
     "phases=[{name: carry, contacts: {f1: fixed, f2: fixed}, tasks: [dexterity], over: 4 s, "

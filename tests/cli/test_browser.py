@@ -10,7 +10,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from .shell import CARRY, arrays, finish, start, wait_for_tick
+from .shell import CARRY, PHASES, arrays, finish, start, wait_for_tick
 
 CHROMIUM = "/usr/bin/chromium"
 ARGS = [
@@ -106,7 +106,7 @@ def test_the_exchange_is_seen_while_the_run_is_live(page, tmp_path):
     assert near(pixels, (0.94, 0.67, 0.24)) > 2000, "the object is not in the picture"
     assert near(pixels, (0.27, 0.43, 0.62)) > 400, "the left trunk is not in the picture"
     assert near(pixels, (0.16, 0.68, 0.35)) > 100, "no contact is green"
-    assert page.locator("#wbc-panel .phase").count() == 4
+    assert page.locator("#wbc-panel .phase").count() == len(PHASES)
     assert page.locator("#wbc-panel .phase.now").count() == 1
     names = page.locator("#wbc-panel .task .name").all_inner_texts()
     assert names == ["object", "force", "moment", "dexterity", "palm"]

@@ -14,6 +14,7 @@ import pytest
 from .shell import (
     COMMAND,
     PATIENCE,
+    PHASES,
     SHORT,
     children,
     environment,
@@ -117,7 +118,7 @@ def test_a_run_becomes_one_html_file_and_a_set_of_pictures(alone, tmp_path):
     done = wbc("view", str(alone[0] / "log.npz"), "--html", "run.html", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "run.html").read_text(encoding="utf-8")
-    assert "planar_exchange" in page and "hand_over" in page
+    assert "planar_exchange" in page and PHASES[-1] in page
     done = wbc("plot", str(alone[0]), "--out", "pictures", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     names = {path.stem for path in (tmp_path / "pictures").glob("*.png")}

@@ -10,7 +10,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from .shell import CARRY, COMMAND, PATIENCE, POSTURE, SHORT, arrays, environment, wbc
+from .shell import CARRY, COMMAND, PATIENCE, PHASES, POSTURE, SHORT, arrays, environment, wbc
 
 FIXED = {
     "t": "T", "q": "Tn", "v": "Tn", "joint_names": "n", "object_pose": "T7",
@@ -20,7 +20,7 @@ FIXED = {
     "min_distance": "T", "phase": "T", "phase_names": "p", "status": "T",
 }  # fmt: skip
 """Names and axes on which others build."""
-SIZES = {"T": 100, "n": 14, "N": 4, "m": 5, "p": 4, "2": 2, "3": 3, "7": 7}
+SIZES = {"T": 100, "n": 14, "N": 4, "m": 5, "p": len(PHASES), "2": 2, "3": 3, "7": 7}
 
 
 @pytest.fixture(scope="module")

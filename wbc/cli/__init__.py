@@ -9,6 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from wbc.cli.interrupt import Interrupts
 from wbc.errors import WbcError
 
 USAGE, FAILED, INTERNAL, INTERRUPTED = 2, 1, 70, 130
@@ -24,8 +25,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     try:
         arguments = parser().parse_args(argv)
-        code = int(arguments.command(arguments))
-        sys.stdout.flush()
+        with Interrupts() as arguments.interrupts:
+            code = int(arguments.command(arguments))
+            sys.stdout.flush()
         return code
     except WbcError as error:
         _say(str(error))

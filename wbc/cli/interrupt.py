@@ -1,8 +1,9 @@
-"""Ctrl-C and SIGTERM during a run: the tick at hand is finished, then the run ends."""
+"""Ctrl-C and SIGTERM: a command ends at once, but a run finishes its tick and writes its files."""
 
 from __future__ import annotations
 
 import signal
+import threading
 from types import FrameType
 from typing import Any, final
 
@@ -11,14 +12,14 @@ _WATCHED = (signal.SIGINT, signal.SIGTERM)
 
 @final
 class Interrupts:
-    """Collects signals while it is entered.
+    """Receives signals while it is entered.
 
-    Before `ticking` is set there is no tick to finish, so a signal raises KeyboardInterrupt, with
-    its number, at once; while ticking only a second one does. Once `saving` is set nothing does:
-    the files are written.
+    A signal raises KeyboardInterrupt with its number; while a run is ticking only a second one
+    does, and while its files are written none does. Some libraries lose the exception when it
+    meets them as they are imported, hence `check`.
 
     Attributes:
-        ticking, saving: what the run is at.
+        ticking, saving: what a run is at.
         received: the first signal, 0 before it.
     """
 
@@ -26,19 +27,25 @@ class Interrupts:
         self.ticking = False
         self.saving = False
         self.received = 0
-        self._before: list[Any] = []
+        self._before: list[tuple[signal.Signals, Any]] = []
 
     @property
     def exit_code(self) -> int:
         """By the shell's custom: 130 for Ctrl-C, 143 for SIGTERM."""
         return 128 + self.received
 
+    def check(self) -> None:
+        """Raise now what was received before."""
+        if self.received:
+            raise KeyboardInterrupt(self.received)
+
     def __enter__(self) -> Interrupts:
-        self._before = [signal.signal(number, self._receive) for number in _WATCHED]
+        if threading.current_thread() is threading.main_thread():  # no other may set handlers
+            self._before = [(n, signal.signal(n, self._receive)) for n in _WATCHED]
         return self
 
     def __exit__(self, *_: object) -> None:
-        for number, before in zip(_WATCHED, self._before, strict=True):
+        for number, before in self._before:
             signal.signal(number, before)
 
     def _receive(self, number: int, frame: FrameType | None) -> None:

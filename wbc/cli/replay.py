@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import signal
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 from typing import final
 
 import numpy as np
@@ -35,6 +33,7 @@ def view_command(arguments: argparse.Namespace) -> int:
     """Replay in a browser until Ctrl-C, or write one HTML file."""
     if arguments.html is not None and arguments.rate != 1.0:
         raise WbcError("--rate is for the replay in a browser; the HTML file plays in real time")
+    arguments.interrupts.check()
     film = open_film(arguments.run)
     snapshots = list(film.snapshots(film.thinned(_FPS / arguments.rate)))
     if arguments.html is not None:
@@ -44,7 +43,6 @@ def view_command(arguments: argparse.Namespace) -> int:
         print(f"written: {path}")
         return 0
     with (
-        _sigterm_as_ctrl_c(),
         contextlib.suppress(KeyboardInterrupt),
         LiveView(film.scene, arguments.port, not arguments.no_browser) as live,
     ):
@@ -173,17 +171,3 @@ def _original(log: Log, scenario: Scenario) -> Path | None:
         if candidate.is_file():
             return candidate
     return resources.find("urdf", name) if name in resources.names("urdf") else None
-
-
-@contextlib.contextmanager
-def _sigterm_as_ctrl_c() -> Iterator[None]:
-    """So that the viewer process is ended with this one."""
-
-    def receive(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, receive)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

@@ -37,33 +37,38 @@ _LATE = 0.1  # behind by more than this, the pace starts anew rather than hurry,
 
 def run_command(arguments: argparse.Namespace) -> int:
     """Run, record, report; 0 only for a run that did what its scenario asks."""
+    interrupts: Interrupts = arguments.interrupts
+    interrupts.check()
     loaded = load_with_settings(arguments)
     folder = results_folder(arguments.out, loaded.scenario.name)
     simulation = loaded.scenario.simulation
     phases = tuple(phase.name for phase in loaded.scenario.phases) or ("run",)
     progress = Progress(phases, simulation.duration)
-    with contextlib.ExitStack() as stack, Interrupts() as interrupts:
+    with contextlib.ExitStack() as stack:
         notice = stack.enter_context(SlowNotice(progress.say))
         assembly = build(loaded)
         viewer = stack.enter_context(_Viewer(assembly, arguments)) if arguments.view else None
         session = _Session(assembly, Recorder(run_meta(assembly), assembly.ticks), progress)
         session.viewer = viewer
         session.paced = arguments.realtime or (arguments.view and not arguments.fast)
+        interrupts.check()
         with contextlib.suppress(KeyboardInterrupt):  # the ticks so far are kept
             session.go(interrupts, notice)
         interrupts.saving = True
+        stopped = bool(interrupts.received)  # a signal from here on stops nothing any more
         progress.clear()
-        if interrupts.received:
+        if stopped:
             print("interrupted; writing what there is", file=sys.stderr)
-        summary, saved = session.save(folder, interrupted=bool(interrupts.received))
+        summary, saved = session.save(folder, interrupted=stopped)
         for line in report_lines(summary, session.took):
             print(line)
         if saved:
             print(f"written to {folder}: {LOG}, {SUMMARY}")
         sys.stdout.flush()
-        if interrupts.received:
+        if stopped:
             return interrupts.exit_code
         if viewer is not None:
+            interrupts.ticking = interrupts.saving = False
             viewer.stay(folder)
     return 0 if summary["success"] and saved else 1
 
