@@ -31,18 +31,23 @@ def _cache_folder() -> Path | None:
         text = source.read_bytes()
         if b"@kernel" in text:
             digest.update(text)
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    kernels = Path(base) / "wbc" / "kernels"
-    folder = kernels / digest.hexdigest()[:16]
     try:
-        if not folder.is_dir():
+        base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+        kernels = Path(base) / "wbc" / "kernels"
+        folder = kernels / digest.hexdigest()[:16]
+        if folder.is_dir():
+            os.utime(folder)
+        else:
             folder.mkdir(parents=True, mode=0o700)
             for other in kernels.iterdir():
                 if time.time() - other.stat().st_mtime > _KEEP:
                     shutil.rmtree(other, ignore_errors=True)
-    except OSError:
+        # numba loads what it finds there: nobody else may write to it
+        stat = folder.lstat()
+        private = stat.st_uid == os.getuid() and not stat.st_mode & 0o022
+        return folder if private and not folder.is_symlink() else None
+    except (OSError, RuntimeError):  # RuntimeError: no home
         return None
-    return folder if os.access(folder, os.W_OK) else None
 
 
 try:

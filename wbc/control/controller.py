@@ -11,6 +11,7 @@ import numpy as np
 
 from wbc.arrays import Array, BoolArray
 from wbc.contact.grasp import ContactMode, ContactState
+from wbc.control import checks
 from wbc.control.integrator import runge_kutta
 from wbc.control.law import CostForecast, Law, Motion, Sight, moved
 from wbc.control.limiting import keeping_the_main_task
@@ -21,7 +22,7 @@ from wbc.control.state import ControllerState, Measurement, PhaseState, Status, 
 from wbc.control.supervision import TickForecast
 from wbc.errors import UnknownNameError
 from wbc.stack import activation as gains
-from wbc.stack.limits import NOT_LIMITED, Limited, filtered
+from wbc.stack.limits import NOT_LIMITED, Limited, filtered, stuck
 from wbc.stack.supervisor import StackEvent, StackState, Supervisor
 
 _NEAR_SINGULAR = 1e-3  # the share below which `solve_main` damps its inverse
@@ -68,6 +69,7 @@ class Controller:
         priority: Sequence[int],
         settings: Settings,
     ) -> None:
+        checks.controller(law, phases, priority, settings)
         self.law = law
         self.supervisor = supervisor
         self.phases = phases
@@ -86,12 +88,12 @@ class Controller:
         """One tick. Never raises on numbers: what gave way is in the record's status."""
         t, dt = state.tick * self.settings.dt, self.settings.dt
         state, seen = self._situation(t, state)  # phase, references, kinematics, tasks, costs
-        motion = self.law.solve(state.level_order, self._levels(state.activation))
+        motion, free = self._solved(state)
         sight = self.law.sight()
         stack, event, target = self._supervised(t, state, motion)  # who is in the stack
         gains_next = gains.advance(state.activation, target, self.settings.smoothing, dt)
         if self.settings.runge_kutta:  # three further evaluations inside the tick
-            motion = self._over_the_tick(t, state, motion, target, gains_next)
+            motion = self._over_the_tick(t, state, motion, free, target, gains_next)
         step, status, limited = self._limited(state, motion, measurement)  # limit filter
         q, contact = moved(state.q, state.contact, step, dt)
         v = step[: len(q)]
@@ -111,7 +113,8 @@ class Controller:
         """
         law, n = self.law, self.law.kin.grasp.count
         tasks, first = len(self.task_names), self.phases.phases[0]
-        q = np.array(q0, dtype=np.float64)
+        nv = law.kin.robot.model.nv
+        q = checks.vector("q0", q0, nv)
         contact = ContactState(
             first.mode, np.array(law.kin.grasp.at), np.tile(np.eye(3), (n, 1, 1))
         )
@@ -123,7 +126,7 @@ class Controller:
         motion = self.phases.begin(0, 0.0, law.kin, None)
         order = self._tips + self._priority
         rates = np.zeros(len(q) + 5 * n)
-        rates[: len(q)] = 0.0 if v0 is None else v0
+        rates[: len(q)] = 0.0 if v0 is None else checks.vector("v0", v0, nv)
         return ControllerState(
             tick=0,
             q=q,
@@ -131,7 +134,7 @@ class Controller:
             rates=rates,
             contact=contact._replace(pivot=pivot),
             activation=self._start_gains(first.wanted),
-            stack=StackState(first.wanted, np.ones(tasks, dtype=np.bool_), -np.inf, 0),
+            stack=StackState(first.wanted.copy(), np.ones(tasks, dtype=np.bool_), -np.inf, 0),
             order=order,
             next_order=None,
             level_order=law.stack.level_order(order),
@@ -229,7 +232,7 @@ class Controller:
                 rho[k] = lag[k] = float(phase.wanted[k])
             elif before == ContactMode.FREE and now == ContactMode.FIXED:
                 rho[k] = lag[k] = 0.0
-        stack = state.stack._replace(wanted=phase.wanted)
+        stack = state.stack._replace(wanted=phase.wanted.copy())
         return state._replace(contact=contact, activation=gains.Activation(rho, lag), stack=stack)
 
     def _moving(self, state: ControllerState) -> BoolArray:
@@ -274,15 +277,32 @@ class Controller:
         stack, event = self.supervisor.decide(state.stack, t, order, forecast)
         return stack, event, target if event is None else self._targets(state, stack)
 
+    def _solved(self, state: ControllerState) -> tuple[Motion, Array | None]:
+        """The law at the state; joints that it would drive into a limit they stand at are locked.
+
+        Returns:
+            The motion, and (nv,) 0 for locked joints; None where none is.
+        """
+        s, levels = self.settings, self._levels(state.activation)
+        motion = self.law.solve(state.level_order, levels)
+        free = np.ones(len(state.q))
+        for _ in range(len(state.q)):  # the joints that are left may reach limits in turn
+            if not stuck(
+                state.q, motion.total, s.lower, s.upper, s.velocity, s.acceleration, s.dt, free
+            ):
+                break
+            motion = self.law.solve(state.level_order, levels, free)
+        return motion, None if free.all() else free
+
     def _over_the_tick(
-        self, t: float, state: ControllerState, motion: Motion, target: Array,
-        gains_next: gains.Activation,
+        self, t: float, state: ControllerState, motion: Motion, free: Array | None,
+        target: Array, gains_next: gains.Activation,
     ) -> Motion:  # fmt: skip
         active = self._active(state)
 
         def stage(q: Array, contact: ContactState, at: float, levels: Array) -> Motion:
             self._evaluate(at, q, contact, state, active)
-            return self.law.solve(state.level_order, levels)
+            return self.law.solve(state.level_order, levels, free)
 
         dt, rate = self.settings.dt, self.settings.smoothing
         half = gains.advance(state.activation, target, rate, 0.5 * dt)
@@ -295,9 +315,7 @@ class Controller:
         """The velocity of q̃ that goes out: within the limits, finite, whatever came in."""
         s, nv = self.settings, len(state.q)
         status = Status.OK
-        if measurement is not None and not (
-            np.shape(measurement.q) == (nv,) and math.isfinite(np.sum(measurement.q))
-        ):
+        if measurement is not None and not _usable(measurement, nv):
             status |= Status.BAD_MEASUREMENT
         if not math.isfinite(motion.total.sum() + motion.main.sum()):
             status |= Status.BAD_COMMAND
@@ -334,19 +352,19 @@ class Controller:
             status |= Status.DONE
         return TickRecord(
             t=t,
-            q=state.q,
-            v=v,
+            q=state.q.copy(),
+            v=v.copy(),  # what becomes of a record does not become of the state
             object_position=seen.object_position,
             object_rotation=seen.object_rotation,
             reference_position=seen.reference_position,
             reference_rotation=seen.reference_rotation,
             object_error=seen.object_error,
-            mode=state.contact.mode,
+            mode=state.contact.mode.copy(),
             contact_points=seen.points,
             contact_normals=seen.normals,
             task_error=seen.task_error,
             within=stack.within,
-            activation=state.activation.rho,
+            activation=state.activation.rho.copy(),
             residuals=seen.residuals,
             cost=seen.cost,
             min_distance=seen.min_distance,
@@ -357,3 +375,12 @@ class Controller:
             freedom=sight.freedom,
             event=event,
         )
+
+
+def _usable(measurement: Measurement, nv: int) -> bool:
+    """Whether a measurement, whatever it is, holds nv finite positions."""
+    try:
+        q = np.asarray(measurement.q, dtype=np.float64)
+    except (AttributeError, TypeError, ValueError):
+        return False
+    return q.shape == (nv,) and math.isfinite(q.sum())

@@ -107,18 +107,25 @@ class Law:
         for cost in self.costs:
             self.cost += cost.weight * cost.add_gradient(kin.robot, self.distances, self.gradient)
 
-    def solve(self, order: IntArray, activation: Array) -> Motion:
-        """The law with the given gains, (L,), at the configuration last evaluated."""
+    def solve(self, order: IntArray, activation: Array, free: Array | None = None) -> Motion:
+        """The law with the given gains, (L,), at the configuration last evaluated.
+
+        Args:
+            free: (nv,) 0 for joints that are to stand still, else 1; all move where not given.
+        """
         if self._printed is not None:
             descent = self.gradient_gain * self.gradient
             answer = self._printed.solve(order, activation, descent, self.freedom)
             self.rank, self.independence = answer.rank, answer.independence
             return Motion(answer.main, answer.total)
         kin, stack = self.kin, self.stack
+        jacobian, scale = stack.jacobian, stack.scale
+        if free is not None:
+            jacobian, scale = jacobian * free, scale * free
         self.rank, self.independence = solve_weighted(
-            kin.rows[: kin.row_count], kin.rhs, stack.jacobian, stack.rhs, stack.row_activation,
+            kin.rows[: kin.row_count], kin.rhs, jacobian, stack.rhs, stack.row_activation,
             stack.level_start, stack.level_size, stack.exact, order, activation, self.gradient,
-            self.gradient_gain, stack.scale, self._basis, self._taken, self._share, self._main,
+            self.gradient_gain, scale, self._basis, self._taken, self._share, self._main,
             self._rest, self.freedom,
         )  # fmt: skip
         return Motion(*kin.extend(self._main, self._rest))

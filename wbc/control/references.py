@@ -81,7 +81,8 @@ class References:
 
     def at(self, t: float, motion: Motion) -> ObjectReference:
         """The object's reference at time t; the tips' targets (N, 6) are in `tips`."""
-        if motion is not self._at_rest:
+        over = t >= motion.start + motion.duration
+        if not (over and motion is self._at_rest):
             _evaluate(t, *motion, *self.object, self.tips)
-            self._at_rest = motion if t >= motion.start + motion.duration else None
+            self._at_rest = motion if over else None
         return self.object

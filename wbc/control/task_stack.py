@@ -73,7 +73,7 @@ class TaskStack:
         n = kin.grasp.count
         task_rows(
             self.jacobian_ext, self.error, self.rate, self.gain, self.saturation,
-            self.level_start, self.level_size, kin.xi_jacobian.reshape(2 * n, -1),
+            self.level_start, self.level_size, kin.xi_jacobian.reshape(2 * n, len(self.scale)),
             kin.xi_drift.reshape(2 * n), self.scale, self.jacobian, self.rhs,
         )  # fmt: skip
 

@@ -15,12 +15,8 @@ import numpy as np
 from wbc.arrays import Array
 from wbc.compiled import kernel
 
-# Closer than this a gain has arrived. The lags alone would leave it one rounding error short of 1
-# for good, and a task removed long ago still in force by some 1e-300.
-_ARRIVED = 1e-12
-
-
-# Nearer to its target than this a gain is there: what is out is then left out of the work.
+# Closer than this a gain has arrived: what is out is then left out of the work. The lags alone
+# would leave it a rounding error short of 1 for good, and a task long removed in force by 1e-300.
 _ARRIVED = 1e-9
 
 

@@ -168,12 +168,39 @@ def limit_from(
             out[:] = begin + change * (out - anchor)
     clipped = False
     for j in range(n):
-        inside = min(max(out[j], low[j]), high[j])
+        inside = min(max(out[j], last[j] - reach[j]), last[j] + reach[j])
+        inside = min(max(inside, low[j]), high[j])  # position and velocity limits come first
         if abs(inside - out[j]) > _ROUNDING * (1.0 + abs(out[j])):
             clipped = True
             joint = j
         out[j] = inside
     return secondary, main, change, clipped, joint, kept
+
+
+@kernel
+def stuck(
+    q: Array, v: Array, lower: Array, upper: Array, velocity: Array, acceleration: Array,
+    dt: float, free: Array,
+) -> bool:  # fmt: skip
+    """Set free (n,) to 0 for the joints that v would drive on into a limit they stand at.
+
+    A joint stands at a limit when its bound leaves it no more than one tick's braking. Locked, it
+    leaves the motion to the joints that can still move, instead of stopping them all with it.
+
+    Returns:
+        Whether a joint was locked that was free before.
+    """
+    n = q.shape[0]
+    low, high = np.empty(n), np.empty(n)
+    velocity_bounds(q, lower, upper, velocity, acceleration, dt, low, high)
+    found = False
+    for j in range(n):
+        brake = acceleration[j] * dt if np.isfinite(acceleration[j]) else 0.0
+        at_limit = (v[j] > high[j] and high[j] <= brake) or (v[j] < low[j] and -low[j] <= brake)
+        if free[j] == 1.0 and at_limit:
+            free[j] = 0.0
+            found = True
+    return found
 
 
 @kernel

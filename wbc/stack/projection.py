@@ -40,6 +40,8 @@ _SHORT = 1e-12
 # nearly dependent; its inverse is damped, its direction stays in the projector.
 _MAIN_NEAR = 1e-3
 _MAIN_RANK = 1e-9
+# Length below which a row of the main task is short whatever the others are, [m] per motion.
+_MAIN_SHORT = 1e-6
 
 
 @kernel
@@ -89,9 +91,14 @@ def solve_main(rows: Array, rhs: Array, basis: Array, v: Array) -> tuple[int, fl
     v[:] = 0.0
     rank = 0
     smallest = 1.0
+    longest = _MAIN_SHORT / _MAIN_NEAR
+    for i in range(rows.shape[0]):
+        longest = max(longest, np.sqrt(np.sum(rows[i] * rows[i])))
     for i in range(rows.shape[0]):
         row = rows[i]
-        length = np.sqrt(np.sum(row * row))
+        # a row that has itself become short, as a stretched arm's along its line, counts as one
+        # that is nearly dependent: what is left of it is not worth the speed it would take
+        length = max(np.sqrt(np.sum(row * row)), _MAIN_NEAR * longest)
         if length == 0.0:
             smallest = 0.0
             continue

@@ -16,6 +16,7 @@ import numpy as np
 from wbc.arrays import Array, IntArray
 from wbc.compiled import kernel
 from wbc.contact.extended_finger import ExtendedKinematics
+from wbc.errors import SetupError
 
 
 class TaskRows(NamedTuple):
@@ -75,6 +76,34 @@ class Task(ABC):
     def target(self) -> Array | None:
         """The target from the definition (None: the task has none); may be replaced at run time."""
         return None
+
+    @property
+    def target_sizes(self) -> tuple[int, ...]:
+        """Sizes that a target may have; none for a task without target."""
+        return ()
+
+    def frames_used(self) -> tuple[int, ...]:
+        """Places among the tracked frames that the task reads."""
+        return ()
+
+    def check(self, kin: ExtendedKinematics) -> None:
+        """Whether the definition fits the robot: compiled kernels would not notice.
+
+        Raises:
+            SetupError: what does not fit.
+        """
+        count = len(kin.robot.frames)
+        for frame in self.frames_used():
+            if not 0 <= frame < count:
+                raise SetupError(f"task '{self.name}': frame {frame} is not one of {count} tracked")
+        target = self.target
+        if target is not None and not (
+            target.ndim == 1 and target.size in self.target_sizes and np.isfinite(target).all()
+        ):
+            sizes = " or ".join(str(size) for size in self.target_sizes)
+            raise SetupError(
+                f"task '{self.name}': its target must be {sizes} finite numbers, got {target.shape}"
+            )
 
     @abstractmethod
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:

@@ -7,6 +7,7 @@ from typing import final
 
 from wbc.arrays import Array, IntArray
 from wbc.contact.extended_finger import ExtendedKinematics
+from wbc.errors import SetupError
 from wbc.tasks.base import Task, TaskRows, coordinate_rows
 
 
@@ -32,6 +33,15 @@ class CenterOfMass(Task):
     @property
     def target(self) -> Array:
         return self.goal
+
+    @property
+    def target_sizes(self) -> tuple[int, ...]:
+        return 3, 6
+
+    def check(self, kin: ExtendedKinematics) -> None:
+        super().check(kin)
+        if not kin.robot.track_com:
+            raise SetupError(f"task '{self.name}' needs Kinematics(..., track_com=True)")
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
         assert target is not None  # the stack hands on the task's own or its replacement

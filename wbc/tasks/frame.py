@@ -180,6 +180,13 @@ class FramePose(Task):
     def target(self) -> Array:
         return self.goal
 
+    @property
+    def target_sizes(self) -> tuple[int, ...]:
+        return 12, 18
+
+    def frames_used(self) -> tuple[int, ...]:
+        return (self.frame,)
+
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
         assert target is not None  # the stack hands on the task's own or its replacement
         robot = kin.robot
@@ -212,6 +219,13 @@ class FramePosition(Task):
     def target(self) -> Array:
         return self.goal
 
+    @property
+    def target_sizes(self) -> tuple[int, ...]:
+        return 3, 6
+
+    def frames_used(self) -> tuple[int, ...]:
+        return (self.frame,)
+
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
         assert target is not None  # the stack hands on the task's own or its replacement
         coordinate_rows(
@@ -243,6 +257,13 @@ class FrameOrientation(Task):
     @property
     def target(self) -> Array:
         return self.goal
+
+    @property
+    def target_sizes(self) -> tuple[int, ...]:
+        return 9, 12
+
+    def frames_used(self) -> tuple[int, ...]:
+        return (self.frame,)
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
         assert target is not None  # the stack hands on the task's own or its replacement
@@ -279,6 +300,16 @@ class RelativePose(Task):
     @property
     def target(self) -> Array:
         return self.goal
+
+    @property
+    def target_sizes(self) -> tuple[int, ...]:
+        return 12, 18
+
+    def frames_used(self) -> tuple[int, ...]:
+        return (
+            self.frame,
+            self.relative_to,
+        )
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
         assert target is not None  # the stack hands on the task's own or its replacement

@@ -10,6 +10,7 @@ import numpy as np
 from wbc.arrays import Array, IntArray
 from wbc.compiled import kernel
 from wbc.contact.extended_finger import ExtendedKinematics
+from wbc.errors import SetupError
 from wbc.rotations import cross
 from wbc.tasks.base import Task, TaskRows, fade
 
@@ -149,6 +150,14 @@ class Manipulability(Task):
     def separate(self) -> bool:
         return True
 
+    def frames_used(self) -> tuple[int, ...]:
+        return tuple(int(f) for f in self.fingers)
+
+    def check(self, kin: ExtendedKinematics) -> None:
+        super().check(kin)
+        if self.chains.size and not self.chains.max() < kin.robot.model.nv:
+            raise SetupError(f"task '{self.name}': chains name a joint the robot does not have")
+
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
         _shortfall_rows(
             kin.robot.linear, kin.robot.angular, self.chains, self.fingers,
@@ -159,7 +168,7 @@ class Manipulability(Task):
 
 def finger_chains(kin_support: Array) -> IntArray:
     """Joints that move each tip, from the root, padded with -1, from 0/1 support rows (m, nv)."""
-    width = int(kin_support.sum(axis=1).max())
+    width = int(kin_support.sum(axis=1).max(initial=0))
     chains = np.full((kin_support.shape[0], width), -1, dtype=np.int64)
     for row, support in enumerate(kin_support):
         joints = np.flatnonzero(support)

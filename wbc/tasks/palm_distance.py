@@ -43,6 +43,9 @@ class PalmDistance(Task):
     def rows(self) -> int:
         return 1
 
+    def frames_used(self) -> tuple[int, ...]:
+        return (self.frame,)
+
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
         palm = kin.robot.position[self.frame]
         point = _in_object(palm, kin.object_position, kin.object_rotation)

@@ -8,6 +8,7 @@ from typing import final
 from wbc.arrays import Array, IntArray
 from wbc.compiled import kernel
 from wbc.contact.extended_finger import ExtendedKinematics
+from wbc.errors import SetupError
 from wbc.tasks.base import Task, TaskRows
 
 
@@ -43,6 +44,16 @@ class Posture(Task):
     @property
     def target(self) -> Array:
         return self.goal
+
+    @property
+    def target_sizes(self) -> tuple[int, ...]:
+        return len(self.joints), 2 * len(self.joints)
+
+    def check(self, kin: ExtendedKinematics) -> None:
+        super().check(kin)
+        nv = kin.robot.model.nv
+        if len(self.joints) and not (self.joints.min() >= 0 and self.joints.max() < nv):
+            raise SetupError(f"task '{self.name}': joints must be places in q, 0 to {nv - 1}")
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
         assert target is not None  # the stack hands on the task's own or its replacement

@@ -10,6 +10,7 @@ import numpy as np
 from wbc.arrays import Array
 from wbc.compiled import kernel
 from wbc.contact.extended_finger import ExtendedKinematics
+from wbc.errors import SetupError
 from wbc.rotations import cross, multiply, rotate
 from wbc.tasks.base import Task, TaskRows
 
@@ -86,6 +87,11 @@ class TipPosition(Task):
     def exact_share(self) -> float:
         """Held like the main task, of which its rows are the free fingers' part."""
         return 1e-3
+
+    def check(self, kin: ExtendedKinematics) -> None:
+        super().check(kin)
+        if not 0 <= self.finger < kin.grasp.count:
+            raise SetupError(f"task '{self.name}': the grasp has no finger {self.finger}")
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
         assert target is not None  # the stack hands on the task's own or its replacement
