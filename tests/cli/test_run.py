@@ -108,7 +108,6 @@ def test_a_run_is_its_own_scenario(tmp_path):
         np.testing.assert_array_equal(first[name], second[name], err_msg=name)
 
 
-@pytest.mark.xfail(reason="TaskStack.evaluate cannot reshape the rates of no finger", strict=True)
 def test_a_scenario_without_object_and_phases_runs_to_its_end(tmp_path):
     (tmp_path / "posture.yaml").write_text(POSTURE)
     done = wbc("run", "posture.yaml", "--out", "out", cwd=tmp_path)
