@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import Array, BoolArray, IntArray
 from wbc.contact.extended_finger import ExtendedKinematics
-from wbc.contact.grasp import ContactMode, ContactState
+from wbc.contact.grasp import ContactMode, ContactState, equilibrium_residuals
 from wbc.control.observe import Seen
 from wbc.control.references import Motion
 from wbc.control.state import PhaseState
@@ -26,6 +26,7 @@ class ExitCondition:
         tip_error: largest distance of a reaching tip from its target, [m].
         distance: least distance of the reaching tips outside the object's surface, [m].
         force_closure: ε_f and ε_m both below this; None: not asked.
+        closing: fingers that are to hold alone later: they must be in equilibrium by themselves.
         object_error: largest position error of the object by any finger, [m].
     """
 
@@ -34,6 +35,7 @@ class ExitCondition:
     tip_error: float | None = None
     distance: float | None = None
     force_closure: float | None = None
+    closing: tuple[int, ...] = ()
     object_error: float | None = None
 
 
@@ -171,7 +173,7 @@ class PhaseSequence:
             return False  # a reference cut short would be a velocity step
         if any(not seen.task_error[k] <= limit for k, limit in until.residuals):
             return False
-        if until.force_closure is not None and not max(seen.residuals) <= until.force_closure:
+        if until.force_closure is not None and not self._closed(until, kin, seen):
             return False
         if until.object_error is not None:
             errors = seen.object_error[:, 0]
@@ -187,6 +189,14 @@ class PhaseSequence:
             if until.distance is not None and not kin.grasp.surface.level(tip) >= until.distance:
                 return False
         return True
+
+    def _closed(self, until: ExitCondition, kin: ExtendedKinematics, seen: Seen) -> bool:
+        limit = until.force_closure or 0.0
+        if not max(seen.residuals) <= limit or not until.closing:
+            return max(seen.residuals) <= limit
+        fingers = list(until.closing)
+        alone = equilibrium_residuals(kin.charts[fingers, 0], kin.frame[fingers, :, 2])
+        return max(alone) <= limit
 
     def _enter_next(self, state: PhaseState, t: float, kin: ExtendedKinematics) -> Transition:
         if state.current + 1 >= len(self.phases):

@@ -113,7 +113,7 @@ def collision_scene(
         geometry.addCollisionPair(pin.CollisionPair(a, b))
     carried = np.array([_carried(model, o) for o in objects]).reshape(len(objects), model.nv)
     index = np.array(pairs, dtype=np.int64).reshape(len(pairs), 2)
-    rounds = [_round(o) for o in objects]
+    rounds = [round_about(o) for o in objects]
     is_round = np.array([r[2] for r in rounds], dtype=np.bool_)
     return CollisionScene(
         model=model,
@@ -148,7 +148,7 @@ def _reach(model: RobotModel, objects: Sequence[Any]) -> Array:
     joints = model.pin_model
     way = np.zeros(joints.njoints)
     for o in objects:
-        ends, radius, _ = _round(o)
+        ends, radius, _ = round_about(o)
         far = max(np.linalg.norm(ends[:3]), np.linalg.norm(ends[3:])) + radius
         way[o.parentJoint] = max(way[o.parentJoint], far)
     for j in range(joints.njoints - 1, 0, -1):  # children come after their parents
@@ -166,7 +166,7 @@ def _reach(model: RobotModel, objects: Sequence[Any]) -> Array:
     return read_only(reach)
 
 
-def _round(geometry_object: Any) -> tuple[Array, float, bool]:
+def round_about(geometry_object: Any) -> tuple[Array, float, bool]:
     """Segment (6,) and radius that hold a shape, and whether they are the shape."""
     shape, placement = geometry_object.geometry, geometry_object.placement
     if isinstance(shape, coal.Capsule | coal.Sphere):

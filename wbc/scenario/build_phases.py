@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -34,7 +35,21 @@ def build_phases(scenario: Scenario, grasp: Grasp, tasks: list[str]) -> PhaseSeq
         for name, value in spec.force.items():
             force[grasp.fingers.index(name)] = value
         phases.append(_phase(spec, grasp, tasks, force))
-    return PhaseSequence(tuple(phases))
+    return PhaseSequence(tuple(_closing(phases, k) for k in range(len(phases))))
+
+
+def _closing(phases: list[Phase], k: int) -> Phase:
+    """Phase k, asking for force closure of those fingers, too, that will hold alone after it."""
+    phase = phases[k]
+    if phase.until.force_closure is None:
+        return phase
+    now = set(np.flatnonzero(phase.mode))
+    for later in phases[k + 1 :]:
+        fingers = set(np.flatnonzero(later.mode))
+        if fingers < now:
+            alone = tuple(sorted(int(i) for i in fingers))
+            return replace(phase, until=replace(phase.until, closing=alone))
+    return phase
 
 
 def _phase(spec: schema.Phase, grasp: Grasp, tasks: list[str], force: Array) -> Phase:

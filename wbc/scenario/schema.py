@@ -155,7 +155,9 @@ class Until(Block):
     distance: PositiveLength | None = Field(
         default=None, description="of the fingers that reach, from the object"
     )
-    force_closure: Flag | None = None
+    force_closure: Flag | None = Field(
+        default=None, description="also of the fingers that will hold alone afterwards"
+    )
 
 
 @final
