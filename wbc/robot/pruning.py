@@ -43,8 +43,8 @@ def prune(
     """Sort all pairs of shapes.
 
     A pair is dropped as never near only where the lengths of the links forbid it: samples would
-    miss rare meetings. Samples over the joint limits, with a fixed seed, find the pairs that overlap
-    always. Pairs with the object are never dropped: the object moves.
+    A pair is dropped as never near only where the links' lengths forbid it: samples would miss
+    rare meetings. Samples over the joint limits, with a fixed seed, find the pairs that overlap
 
     Args:
         geometry: pin.GeometryModel, as from `with_object`.
