@@ -42,9 +42,9 @@ def prune(
 ) -> PairReport:
     """Sort all pairs of shapes.
 
-    A pair is dropped as never near only where the lengths of the links forbid it: samples would
     A pair is dropped as never near only where the links' lengths forbid it: samples would miss
     rare meetings. Samples over the joint limits, with a fixed seed, find the pairs that overlap
+    always. Pairs with the object are never dropped: the object moves.
 
     Args:
         geometry: pin.GeometryModel, as from `with_object`.
