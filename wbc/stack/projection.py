@@ -202,9 +202,11 @@ def _add_block(
     for k in range(len(free)):
         phi[k], take[k], inverse[k] = _shares(free[k], exact)
     # not eigenvector by eigenvector: as a product of functions of J N Jᵀ it is continuous where
-    # eigenvalues cross
-    unfaded = (inverse * (along @ missing) / size) @ g
-    v += (activation * take * (g @ unfaded) / size) @ g
+    # eigenvalues cross; J v = (J N Jᵀ)^-½ J N² Jᵀ (J N Jᵀ)^-½ r is symmetric, for what fades in one
+    # direction must not move the task in another
+    root = np.sqrt(np.maximum(free, _CUT))
+    unfaded = (inverse * root * (along @ missing) / size) @ g
+    v += (activation * take / root * (g @ unfaded) / size) @ g
     for k in range(len(free) - 1, -1, -1):  # the whole ones first
         if count == 0 and activation == 1.0 and free[k] >= _FULL:
             basis[whole] = g[k] / np.sqrt(np.sum(g[k] * g[k]))
