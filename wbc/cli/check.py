@@ -202,7 +202,7 @@ def _grasp_lines(grasp: GraspClass) -> Iterable[str]:
     )
     yield f"{redundant}, {loose}"
     eps_f, eps_m = grasp.residuals
-    yield f"force closure: {_closure(grasp)}; eps_f {eps_f:.2g}, eps_m {eps_m:.2g} m²"
+    yield f"force closure at the planned points: {_closure(grasp)}; eps_f {eps_f:.2g}, eps_m {eps_m:.2g} m²"
 
 
 def _closure(grasp: GraspClass) -> str:

@@ -40,7 +40,7 @@ def run_command(arguments: argparse.Namespace) -> int:
     interrupts: Interrupts = arguments.interrupts
     interrupts.check()
     loaded = load_with_settings(arguments)
-    folder = results_folder(arguments.out, loaded.scenario.name)
+    folder = results_folder(arguments.out, loaded.path.stem)
     simulation = loaded.scenario.simulation
     phases = tuple(phase.name for phase in loaded.scenario.phases) or ("run",)
     progress = Progress(phases, simulation.duration)

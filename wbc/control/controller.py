@@ -20,7 +20,7 @@ from wbc.control.phases import PhaseSequence
 from wbc.control.references import References
 from wbc.control.state import ControllerState, Measurement, PhaseState, Status, TickRecord
 from wbc.control.supervision import TickForecast
-from wbc.errors import UnknownNameError
+from wbc.errors import SetupError, UnknownNameError
 from wbc.stack import activation as gains
 from wbc.stack.limits import NOT_LIMITED, Limited, filtered, stuck
 from wbc.stack.supervisor import StackEvent, StackState, Supervisor
@@ -158,15 +158,15 @@ class Controller:
         return self._want(state, task, False)
 
     def reorder(self, state: ControllerState, tasks: Sequence[str]) -> ControllerState:
-        """Give the stack's tasks a new order, highest priority first.
+        """Give the stack's tasks a new order, highest priority first, without the object task.
 
         Tasks that change place relative to another fade out, take their place and fade in again.
         """
         wanted = tuple(self._index(name) for name in tasks)
         if sorted(wanted) != sorted(self._priority):
-            names = [self.task_names[k] for k in self._priority]
-            raise UnknownNameError(
-                "order: it must name each once of the stack's", str(tasks), names
+            names = ", ".join(self.task_names[k] for k in self._priority)
+            raise SetupError(
+                f"an order names each of these once, the object task left out: {names}"
             )
         return state._replace(next_order=self._tips + wanted)
 

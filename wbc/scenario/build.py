@@ -104,7 +104,7 @@ def _assemble(loaded: Loaded, model: RobotModel) -> Assembly:
         grasp,
         scenario.tasks[main].gain if main else _NO_GAIN,
     )
-    q_start = _start(scenario, model)
+    q_start = _start(loaded, model)
     tasks = build_tasks(scenario, secondary, kin, q_start)
     metric = np.array([scenario.robot.metric.get(j, 1.0) for j in model.joint_names])
     stack = TaskStack(tasks, grasp.count, metric)
@@ -213,16 +213,18 @@ def place_object(kin: ExtendedKinematics, scenario: Scenario, controller: Contro
     )
 
 
-def _start(scenario: Scenario, model: RobotModel) -> Array:
+def _start(loaded: Loaded, model: RobotModel) -> Array:
     q = np.clip(np.zeros(model.nv), model.lower, model.upper)
-    for name, value in scenario.robot.start.items():
+    for name, value in loaded.scenario.robot.start.items():
         j = model.joint(name)
         q[j] = value.value
         if not model.lower[j] <= q[j] <= model.upper[j]:
-            low, high = model.lower[j], model.upper[j]
+            unit, factor = ("m", 1.0) if value.dimension == "length" else ("deg", 180.0 / math.pi)
+            at, low, high = (factor * x for x in (q[j], model.lower[j], model.upper[j]))
+            place = loaded.locate(("robot", "start", name))
             raise ScenarioError(
-                f"robot.start: joint '{name}' at {q[j]:.4g} is outside its limits "
-                f"[{low:.4g}, {high:.4g}]"
+                f"{place}: joint '{name}' at {at:.4g} {unit} is outside its limits "
+                f"[{low:.4g}, {high:.4g}] {unit}"
             )
     return q
 
