@@ -141,8 +141,9 @@ def test_another_process_to_the_last_bit(reference: Run) -> None:
     tests = Path(__file__).resolve().parents[1]
     found = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", code],
-        cwd=tests, capture_output=True, text=True, timeout=300, check=True,
+        cwd=tests, capture_output=True, text=True, timeout=300, check=False,
     )  # fmt: skip
+    assert found.returncode == 0, found.stderr[-2000:]
     assert found.stdout.strip() == fingerprint(reference.records[: ticks(0.3)])
 
 

@@ -92,7 +92,9 @@ def _add_run(commands: Any) -> None:
     text = "run a scenario, write DIR/log.npz and DIR/summary.json"
     run = commands.add_parser("run", help=text, description=text)
     run.add_argument("scenario", metavar="NAME_OR_FILE", help=_SCENARIO)
-    run.add_argument("--out", metavar="DIR", help="folder of the results (default: runs/NAME, after the file)")
+    run.add_argument(
+        "--out", metavar="DIR", help="folder of the results (default: runs/NAME, after the file)"
+    )
     _add_settings(run)
     run.add_argument("--view", action="store_true", help="follow the run in a browser")
     _add_view_options(run)

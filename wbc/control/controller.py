@@ -307,7 +307,8 @@ class Controller:
         dt, rate = self.settings.dt, self.settings.smoothing
         half = gains.advance(state.activation, target, rate, 0.5 * dt)
         levels = (self._levels(half), self._levels(gains_next))
-        return runge_kutta(motion, stage, state.q, state.contact, t, dt, levels)
+        velocity = self.settings.velocity
+        return runge_kutta(motion, stage, state.q, state.contact, t, dt, levels, velocity)
 
     def _limited(
         self, state: ControllerState, motion: Motion, measurement: Measurement | None

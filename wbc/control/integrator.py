@@ -9,6 +9,7 @@ from wbc.compiled import kernel
 from wbc.contact.grasp import ContactState
 from wbc.control.law import Motion, moved
 from wbc.rotations import dexp_inverse
+from wbc.stack.limits import speed_shares
 
 Evaluate = Callable[[Array, ContactState, float, Array], Motion]
 """The law at (q, contact, time, gains of the levels)."""
@@ -32,27 +33,38 @@ def runge_kutta(
     t: float,
     dt: float,
     gains: Sequence[Array],
+    velocity: Array,
 ) -> Motion:
     """Mean velocity of q̃ over [t, t + dt] to fourth order.
 
     Args:
         first: the law at t.
         gains: gains of the levels at t + dt/2 and at t + dt.
+        velocity: (nv,) limits of the joints; what a stage wants beyond them the filter will take
+            off anyway, and the next stage is not evaluated where the robot cannot be.
     """
-    main, total = first.main / 6.0, first.total / 6.0
+    motion = _reachable(first, velocity)
+    main, total = motion.main / 6.0, motion.total / 6.0
     pivots = len(q) + 2 * len(contact.mode)
-    k = first.total
     for share, weight, level_gains in (
         (0.5, 1.0 / 3.0, gains[0]),
         (0.5, 1.0 / 3.0, gains[0]),
         (1.0, 1.0 / 6.0, gains[1]),
     ):
-        step = k * (share * dt)
-        stage_q, stage_contact = moved(q, contact, k, share * dt)
-        stage = evaluate(stage_q, stage_contact, t + share * dt, level_gains)
-        _flatten_turns(step, stage.main, pivots)
-        _flatten_turns(step, stage.total, pivots)
-        k = stage.total
-        main = main + weight * stage.main
-        total = total + weight * k
+        step = motion.total * (share * dt)
+        stage_q, stage_contact = moved(q, contact, motion.total, share * dt)
+        motion = _reachable(evaluate(stage_q, stage_contact, t + share * dt, level_gains), velocity)
+        _flatten_turns(step, motion.main, pivots)
+        _flatten_turns(step, motion.total, pivots)
+        main = main + weight * motion.main
+        total = total + weight * motion.total
     return Motion(main, total)
+
+
+def _reachable(motion: Motion, velocity: Array) -> Motion:
+    """The motion less what no joint can do: of the secondary part first."""
+    main, secondary = speed_shares(motion.main, motion.total, velocity)
+    if main == 1.0 and secondary == 1.0:
+        return motion
+    kept = main * motion.main
+    return Motion(kept, kept + secondary * (motion.total - motion.main))

@@ -204,6 +204,26 @@ def stuck(
 
 
 @kernel
+def speed_shares(main: Array, total: Array, velocity: Array) -> tuple[float, float]:
+    """Shares of the main and the secondary motion that velocity limits (n,) leave, 1 = all.
+
+    Args:
+        main, total: (>= n,) the main task's motion and the whole law's; further entries are passive.
+    """
+    n = velocity.shape[0]
+    zero = np.zeros(n)
+    for j in range(n):
+        if not abs(total[j]) <= velocity[j]:
+            break
+    else:
+        return 1.0, 1.0
+    share = _fit(zero, main[:n], -velocity, velocity)[0]
+    if share < 1.0:
+        return share, 0.0
+    return 1.0, _fit(main[:n], total[:n] - main[:n], -velocity, velocity)[0]
+
+
+@kernel
 def filtered(
     q: Array, main: Array, total: Array, last: Array, lower: Array, upper: Array, velocity: Array,
     acceleration: Array, dt: float,
