@@ -202,7 +202,8 @@ def _grasp_lines(grasp: GraspClass) -> Iterable[str]:
     )
     yield f"{redundant}, {loose}"
     eps_f, eps_m = grasp.residuals
-    yield f"force closure at the planned points: {_closure(grasp)}; eps_f {eps_f:.2g}, eps_m {eps_m:.2g} m²"
+    closure = _closure(grasp)
+    yield f"force closure at the planned points: {closure}; eps_f {eps_f:.2g}, eps_m {eps_m:.2g} m²"
 
 
 def _closure(grasp: GraspClass) -> str:

@@ -208,7 +208,7 @@ def speed_shares(main: Array, total: Array, velocity: Array) -> tuple[float, flo
     """Shares of the main and the secondary motion that velocity limits (n,) leave, 1 = all.
 
     Args:
-        main, total: (>= n,) the main task's motion and the whole law's; further entries are passive.
+        main, total: (>= n,) the main task's motion and the whole law's; passive rates behind.
     """
     n = velocity.shape[0]
     zero = np.zeros(n)
