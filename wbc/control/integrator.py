@@ -68,7 +68,7 @@ def runge_kutta(
 
 
 def _reachable(motion: Motion, velocity: Array, so_far: Limited) -> tuple[Motion, Limited]:
-    """The motion less what no joint can do, of the secondary part first; the least shares."""
+    """The motion less what no joint can do, of the secondary part first; the least shares so far."""
     main, secondary, joint = speed_shares(motion.main, motion.total, velocity)
     if joint < 0:
         return motion, so_far

@@ -208,7 +208,7 @@ def speed_shares(main: Array, total: Array, velocity: Array) -> tuple[float, flo
     """Shares of the main and the secondary motion that velocity limits (n,) leave, 1 = all.
 
     Args:
-        main, total: (>= n,) the main task's motion and the whole law's; the joints come first.
+        main, total: (>= n,) the main task's motion and the whole law's; further entries are passive.
 
     Returns:
         The two shares, and the joint that bound most, -1 if none did.
