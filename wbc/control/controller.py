@@ -92,10 +92,9 @@ class Controller:
         sight = self.law.sight()
         stack, event, target = self._supervised(t, state, motion)  # who is in the stack
         gains_next = gains.advance(state.activation, target, self.settings.smoothing, dt)
-        held = NOT_LIMITED
         if self.settings.runge_kutta:  # three further evaluations inside the tick
-            motion, held = self._over_the_tick(t, state, motion, free, target, gains_next)
-        step, status, limited = self._limited(state, motion, held, measurement)  # limit filter
+            motion = self._over_the_tick(t, state, motion, free, target, gains_next)
+        step, status, limited = self._limited(state, motion, measurement)  # limit filter
         q, contact = moved(state.q, state.contact, step, dt)
         v = step[: len(q)]
         record = self._record(t, state, seen, sight, v, stack, event, status, limited)
@@ -298,7 +297,7 @@ class Controller:
     def _over_the_tick(
         self, t: float, state: ControllerState, motion: Motion, free: Array | None,
         target: Array, gains_next: gains.Activation,
-    ) -> tuple[Motion, Limited]:  # fmt: skip
+    ) -> Motion:  # fmt: skip
         active = self._active(state)
 
         def stage(q: Array, contact: ContactState, at: float, levels: Array) -> Motion:
@@ -312,9 +311,8 @@ class Controller:
         return runge_kutta(motion, stage, state.q, state.contact, t, dt, levels, velocity)
 
     def _limited(
-        self, state: ControllerState, motion: Motion, held: Limited,
-        measurement: Measurement | None,
-    ) -> tuple[Array, Status, Limited]:  # fmt: skip
+        self, state: ControllerState, motion: Motion, measurement: Measurement | None
+    ) -> tuple[Array, Status, Limited]:
         """The velocity of q̃ that goes out: within the limits, finite, whatever came in."""
         s, nv = self.settings, len(state.q)
         status = Status.OK
@@ -324,14 +322,14 @@ class Controller:
             status |= Status.BAD_COMMAND
         if status:
             nothing = np.zeros(len(motion.total))
-            motion, held = Motion(nothing, nothing), NOT_LIMITED
+            motion = Motion(nothing, nothing)
         command, shares = filtered(
             state.q, motion.main, motion.total, state.v, s.lower, s.upper, s.velocity,
             s.acceleration, s.dt,
         )  # fmt: skip
         limited = Limited(*shares)
         if limited == NOT_LIMITED:
-            return motion.total, status | (Status.SCALED if held.joint >= 0 else Status.OK), held
+            return motion.total, status, limited
         if status:  # it brakes, along the straight line to rest
             step = (1.0 - limited.change) * state.rates
             step[:nv] = command
@@ -340,9 +338,6 @@ class Controller:
             bounds = (s.lower, s.upper, s.velocity, s.acceleration)
             step, limited = keeping_the_main_task(
                 self.law, state.q, state.contact, state.rates, motion, reference, bounds, s.dt
-            )
-            limited = limited._replace(
-                main=min(limited.main, held.main), secondary=min(limited.secondary, held.secondary)
             )
         return step, status | (Status.CLIPPED if limited.clipped else Status.SCALED), limited
 

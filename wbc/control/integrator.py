@@ -9,7 +9,7 @@ from wbc.compiled import kernel
 from wbc.contact.grasp import ContactState
 from wbc.control.law import Motion, moved
 from wbc.rotations import dexp_inverse
-from wbc.stack.limits import NOT_LIMITED, Limited, speed_shares
+from wbc.stack.limits import speed_shares
 
 Evaluate = Callable[[Array, ContactState, float, Array], Motion]
 """The law at (q, contact, time, gains of the levels)."""
@@ -34,21 +34,16 @@ def runge_kutta(
     dt: float,
     gains: Sequence[Array],
     velocity: Array,
-) -> tuple[Motion, Limited]:
+) -> Motion:
     """Mean velocity of q̃ over [t, t + dt] to fourth order.
-
-    Each stage is held to the velocity limits: otherwise the next would be evaluated where the robot
-    cannot be, and the mean would no longer do what the main task asks.
 
     Args:
         first: the law at t.
         gains: gains of the levels at t + dt/2 and at t + dt.
-        velocity: (nv,) limits of the joints.
-
-    Returns:
-        The motion, and the least that the limits left of it at a stage.
+        velocity: (nv,) limits of the joints; what a stage wants beyond them the filter will take
+            off anyway, and the next stage is not evaluated where the robot cannot be.
     """
-    motion, limited = _reachable(first, velocity, NOT_LIMITED)
+    motion = _reachable(first, velocity)
     main, total = motion.main / 6.0, motion.total / 6.0
     pivots = len(q) + 2 * len(contact.mode)
     for share, weight, level_gains in (
@@ -58,22 +53,18 @@ def runge_kutta(
     ):
         step = motion.total * (share * dt)
         stage_q, stage_contact = moved(q, contact, motion.total, share * dt)
-        stage = evaluate(stage_q, stage_contact, t + share * dt, level_gains)
-        motion, limited = _reachable(stage, velocity, limited)
+        motion = _reachable(evaluate(stage_q, stage_contact, t + share * dt, level_gains), velocity)
         _flatten_turns(step, motion.main, pivots)
         _flatten_turns(step, motion.total, pivots)
         main = main + weight * motion.main
         total = total + weight * motion.total
-    return Motion(main, total), limited
+    return Motion(main, total)
 
 
-def _reachable(motion: Motion, velocity: Array, so_far: Limited) -> tuple[Motion, Limited]:
-    """The motion less what no joint can do, of the secondary part first; the least shares so far."""
-    main, secondary, joint = speed_shares(motion.main, motion.total, velocity)
-    if joint < 0:
-        return motion, so_far
+def _reachable(motion: Motion, velocity: Array) -> Motion:
+    """The motion less what no joint can do: of the secondary part first."""
+    main, secondary = speed_shares(motion.main, motion.total, velocity)
+    if main == 1.0 and secondary == 1.0:
+        return motion
     kept = main * motion.main
-    limited = so_far._replace(
-        main=min(main, so_far.main), secondary=min(secondary, so_far.secondary), joint=joint
-    )
-    return Motion(kept, kept + secondary * (motion.total - motion.main)), limited
+    return Motion(kept, kept + secondary * (motion.total - motion.main))

@@ -204,24 +204,23 @@ def stuck(
 
 
 @kernel
-def speed_shares(main: Array, total: Array, velocity: Array) -> tuple[float, float, int]:
+def speed_shares(main: Array, total: Array, velocity: Array) -> tuple[float, float]:
     """Shares of the main and the secondary motion that velocity limits (n,) leave, 1 = all.
 
     Args:
-        main, total: (>= n,) the main task's motion and the whole law's; further entries are passive.
-
-    Returns:
-        The two shares, and the joint that bound most, -1 if none did.
+        main, total: (>= n,) the main task's motion and the whole law's; passive rates behind.
     """
     n = velocity.shape[0]
     zero = np.zeros(n)
-    if _fit(zero, total[:n], -velocity, velocity)[1] < 0:
-        return 1.0, 1.0, -1
-    share, joint = _fit(zero, main[:n], -velocity, velocity)
-    if joint >= 0:
-        return share, 0.0, joint
-    share, joint = _fit(main[:n], total[:n] - main[:n], -velocity, velocity)
-    return 1.0, share, joint
+    for j in range(n):
+        if not abs(total[j]) <= velocity[j]:
+            break
+    else:
+        return 1.0, 1.0
+    share = _fit(zero, main[:n], -velocity, velocity)[0]
+    if share < 1.0:
+        return share, 0.0
+    return 1.0, _fit(main[:n], total[:n] - main[:n], -velocity, velocity)[0]
 
 
 @kernel
