@@ -20,7 +20,8 @@ from .runs import REFERENCE, Run, assemble, check_laws, simulate
 
 # A short exchange in which everything happens: an event at 0.19 s, contact at 0.8 s, sliding after.
 SHORT = 0.9
-NONE = {f"phases.{k}.tasks": [] for k in range(4)} | {"costs": {}}
+PHASES = ("approach", "slide", "hand_over", "leave", "carry")
+NONE = {f"phases.{phase}.tasks": [] for phase in PHASES} | {"costs": {}}
 MOVING = {
     "phases.slide.object": {
         "target": {"position": [0.05, -0.03], "angle": "6 deg"},
