@@ -105,6 +105,13 @@ def test_tasks_switch_smoothly(reference: Run, unsmoothed: Run) -> None:
     print(f" in the whole run {reference.velocity_steps.max():.4f}")
 
 
+def test_fades_are_smooth_to_their_end(reference: Run) -> None:
+    """A gain moves fastest 1/mu after its switch, not at it: look at the whole fade, 5/mu."""
+    fades = [float(reference.velocity_steps[k : k + 125].max()) for k, _, _ in reference.events]
+    print(f"largest velocity step in the 0.25 s after a switch {np.round(fades, 4)} rad/s")
+    assert max(fades) <= 0.03
+
+
 def test_a_switch_itself_moves_the_velocity_less_than_a_prototype(reference: Run) -> None:
     """The motion that was going on anyway set apart: the second difference of the velocity.
 
