@@ -25,7 +25,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     try:
         arguments = parser().parse_args(argv)
-        with Interrupts() as arguments.interrupts:
+        with Interrupts(owns_process=argv is None) as arguments.interrupts:
             code = int(arguments.command(arguments))
             sys.stdout.flush()
         return code

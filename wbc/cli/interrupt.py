@@ -18,12 +18,17 @@ class Interrupts:
     does, and while its files are written none does. Some libraries lose the exception when it
     meets them as they are imported, hence `check`.
 
+    A command that owns its process and was told to end ignores what comes after: Python, on its
+    way out, would otherwise be killed by it and the exit code lost.
+
     Attributes:
+        owns_process: the process ends with the command.
         ticking, saving: what a run is at.
         received: the first signal, 0 before it.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, owns_process: bool) -> None:
+        self.owns_process = owns_process
         self.ticking = False
         self.saving = False
         self.received = 0
@@ -46,7 +51,8 @@ class Interrupts:
 
     def __exit__(self, *_: object) -> None:
         for number, before in self._before:
-            signal.signal(number, before)
+            ended = self.owns_process and self.received
+            signal.signal(number, signal.SIG_IGN if ended else before)
 
     def _receive(self, number: int, frame: FrameType | None) -> None:
         again = self.received != 0
