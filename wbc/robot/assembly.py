@@ -1,0 +1,183 @@
+"""One robot out of several URDFs: an arm on a torso, a hand on an arm.
+
+Works on the text of the files, so that what comes out is a plain URDF for any reader. Every name
+of a part gets the part's prefix: the same hand can be attached twice.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import final
+
+from lxml import etree
+
+from wbc.errors import UrdfError, did_you_mean
+from wbc.robot.urdf import load_urdf_text
+
+Vector = tuple[float, float, float]
+
+# Elements of a robot's children that hold a name of the robot: path below the child, attribute.
+_NAMED = {
+    "link": (
+        (".", "name"),
+        ("visual", "name"),
+        ("collision", "name"),
+        ("visual/material", "name"),
+        ("collision/material", "name"),
+        ("collision_checking/capsule", "name"),
+        ("self_collision_checking/*", "name"),
+    ),
+    "joint": ((".", "name"), ("parent", "link"), ("child", "link"), ("mimic", "joint")),
+    "material": ((".", "name"),),
+    "transmission": ((".", "name"), ("joint", "name"), ("actuator", "name")),
+    "gazebo": ((".", "reference"),),
+}
+
+
+@final
+@dataclass(frozen=True)
+class Part:
+    """A URDF and where it goes.
+
+    Attributes:
+        urdf: the file.
+        prefix: put before every name of the part.
+        parent: link of an earlier part, as it is called in the result, that carries this part's
+            root link; empty for the first part.
+        xyz: position of the part's root link in `parent`, [m].
+        rpy: its roll, pitch and yaw about the fixed axes of `parent`, [rad].
+    """
+
+    urdf: Path
+    prefix: str = ""
+    parent: str = ""
+    xyz: Vector = (0.0, 0.0, 0.0)
+    rpy: Vector = (0.0, 0.0, 0.0)
+
+
+def assemble(name: str, parts: Sequence[Part]) -> str:
+    """The text of the URDF `name` made of `parts`, each fixed to a link of an earlier one.
+
+    The fixed joint is called like the part's root link with ``_mount`` behind it. Comments are
+    not kept.
+
+    Raises:
+        UrdfError: a part that fails the strict check, an unknown parent, a name that two parts
+            share, a mesh that is not there; one line per fault.
+    """
+    robot = etree.Element("robot", name=name)
+    taken: dict[tuple[str, str], str] = {}
+    faults: list[str] = [] if parts else ["no parts: a robot has at least one"]
+    for number, part in enumerate(parts):
+        element = etree.fromstring(load_urdf_text(part.urdf).encode("utf-8"), _parser())
+        root = _root(element)
+        links = [key for kind, key in taken if kind == "link"]
+        faults += _misplaced(part, number, links)
+        faults += _resolve_meshes(element, part)
+        _prefix(element, part.prefix)
+        faults += _move(element, robot, part, taken)
+        if number > 0 and part.parent in links:
+            mount = _mount(part, f"{part.prefix}{root}")
+            faults += _claim(mount, part, taken)
+            robot.append(mount)
+    if faults:
+        raise UrdfError("\n".join(dict.fromkeys(faults)))
+    etree.indent(robot, space="  ")
+    return etree.tostring(robot, encoding="unicode") + "\n"
+
+
+def _parser() -> etree.XMLParser:
+    return etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False,
+        remove_comments=True, remove_pis=True, remove_blank_text=True,
+    )  # fmt: skip
+
+
+def _root(robot: etree._Element) -> str:
+    """The link without parent; the strict check made sure that there is exactly one."""
+    children = {child.get("link") for child in robot.iterfind("joint/child")}
+    return next(
+        str(n) for n in (e.get("name") for e in robot.iterfind("link")) if n not in children
+    )
+
+
+def _misplaced(part: Part, number: int, links: Sequence[str]) -> list[str]:
+    """What is wrong with where a part goes."""
+    faults = []
+    if number == 0 and part.parent:
+        faults.append(f"{part.urdf}: the first part has no parent, but '{part.parent}' is named")
+    elif number > 0 and not part.parent:
+        faults.append(f"{part.urdf}: no parent: name the link of an earlier part that carries it")
+    elif number > 0 and part.parent not in links:
+        hint = did_you_mean(part.parent, links)
+        faults.append(f"{part.urdf}: unknown parent link '{part.parent}'{hint}")
+    if not all(math.isfinite(x) for x in (*part.xyz, *part.rpy)):
+        faults.append(f"{part.urdf}: xyz and rpy must be finite numbers")
+    if part.prefix != "".join(part.prefix.split()) or not part.prefix.isprintable():
+        faults.append(f"{part.urdf}: the prefix '{part.prefix!r}' has white space in it")
+    return faults
+
+
+def _resolve_meshes(robot: etree._Element, part: Part) -> list[str]:
+    """Make relative mesh files absolute: the result may lie in another folder."""
+    faults = []
+    for mesh in robot.iterfind(".//geometry/mesh"):
+        name = mesh.get("filename", "")
+        if "://" in name:
+            continue
+        file = (part.urdf.parent / name).resolve()
+        if file.is_file():
+            mesh.set("filename", str(file))
+        else:
+            faults.append(f"{part.urdf}: the mesh '{name}' is not there; looked for {file}")
+    return faults
+
+
+def _prefix(robot: etree._Element, prefix: str) -> None:
+    """Put `prefix` before every name, and before every mention of one."""
+    for child in robot:
+        for path, attribute in _NAMED.get(str(child.tag), ()):
+            for element in child.iterfind(path):
+                if element.get(attribute):
+                    element.set(attribute, prefix + element.get(attribute, ""))
+
+
+def _move(
+    source: etree._Element,
+    robot: etree._Element,
+    part: Part,
+    taken: dict[tuple[str, str], str],
+) -> list[str]:
+    """Move the children of `source` to `robot`; materials that are already there stay out."""
+    faults = []
+    known = {m.get("name"): etree.tostring(m) for m in robot.iterfind("material")}
+    for child in list(source):
+        if child.tag == "material" and etree.tostring(child) == known.get(child.get("name")):
+            continue
+        faults += _claim(child, part, taken)
+        robot.append(child)
+    return faults
+
+
+def _claim(element: etree._Element, part: Part, taken: dict[tuple[str, str], str]) -> list[str]:
+    """Note the element's name as taken by `part`, or say who has it already."""
+    kind, name = str(element.tag), element.get("name")
+    if name is None:
+        return []
+    if (kind, name) in taken:
+        other = taken[kind, name]
+        return [f"{part.urdf}: {kind} '{name}' is already in {other}; give the part a prefix"]
+    taken[kind, name] = str(part.urdf)
+    return []
+
+
+def _mount(part: Part, root: str) -> etree._Element:
+    joint = etree.Element("joint", name=f"{root}_mount", type="fixed")
+    etree.SubElement(joint, "parent", link=part.parent)
+    etree.SubElement(joint, "child", link=root)
+    xyz, rpy = (" ".join(f"{x:.12g}" for x in v) for v in (part.xyz, part.rpy))
+    etree.SubElement(joint, "origin", xyz=xyz, rpy=rpy)
+    return joint
