@@ -235,7 +235,7 @@ def balanced(world: World, draw: Draw, off: float) -> World:
     There normals and moments balance: all objects of the suite are symmetric to their origin.
     """
     surface, n = world.grasp.surface, world.grasp.count
-    xi, face = world.state.xi.copy(), world.grasp.face.copy()
+    xi, face = world.state.xi.copy(), world.state.face.copy()
     for i in range(0, n, 2):
         end = np.eye(3)[draw.integers(2 if world.planar else 3)]
         for k, sign in ((i, 1.0), (i + 1, -1.0)):
@@ -244,9 +244,7 @@ def balanced(world: World, draw: Draw, off: float) -> World:
             # the same way on the surface whether its chart is in radians or in metres
             way = np.linalg.norm(record[0]) / np.linalg.norm(record[1:3], axis=1)
             xi[k] += off * draw.normal(size=2) * way * (1.0, 0.0 if world.planar else 1.0)
-    grasp = replace(world.grasp, face=face)
-    kin = type(world.kin)(world.kin.robot, grasp, world.kin.gain)
-    return replace(world, kin=kin, state=world.state._replace(xi=xi))
+    return replace(world, state=world.state._replace(xi=xi, face=face))
 
 
 def equilibrium(kind: type[Task], *, squared: bool) -> Callable[[World, Draw, str], Example]:

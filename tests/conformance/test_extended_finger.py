@@ -55,7 +55,7 @@ class Chain:
         self.world, self.finger = world, finger
         self.model = world.kin.robot.model.pin_model
         self.frame = self.model.getFrameId(world.grasp.fingers[finger])
-        self.face = int(world.grasp.face[finger])
+        self.face = int(world.state.face[finger])
         self.data = self.model.createData()
 
     def tip(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

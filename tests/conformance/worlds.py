@@ -172,7 +172,7 @@ def make_world(
         modes = (modes,) * n
     state = ContactState(
         np.array(modes, dtype=np.int64), grasp.at.copy(),
-        np.stack([random_rotation(rng, False) for _ in range(n)]),
+        np.stack([random_rotation(rng, False) for _ in range(n)]), grasp.face.copy(),
     )  # fmt: skip
     position = rng.normal(size=3) * np.array([0.3, 0.3, 0.0 if model.planar else 0.3])
     reference = ObjectReference(
@@ -189,9 +189,8 @@ def without_object(robot_name: str, place: str = "random") -> World:
     """A robot alone."""
     full = make_world(robot_name, place=place)
     grasp = no_grasp(full.planar)
-    n = (0,)
-    state = ContactState(np.zeros(n, dtype=np.int64), np.zeros((0, 2)), np.zeros((0, 3, 3)))
-    reference = full.reference._replace(reach=np.zeros(n), reach_rate=np.zeros(n))
+    state = ContactState.planned(grasp, np.zeros(0, dtype=np.int64))
+    reference = full.reference._replace(reach=np.zeros(0), reach_rate=np.zeros(0))
     kin = _workspace(robot_name, full.kin.robot.model, grasp)
     return replace(full, kin=kin, state=state, reference=reference)
 
@@ -226,11 +225,11 @@ def scaled(world: World, surface: str, scale: float) -> World:
     """The world with all lengths times `scale`; the robot must have no prismatic joint."""
     model = robot(world.robot_name, STILL, scale, prismatic=False)
     body = SURFACE_SAMPLES[surface](scale)
-    points = world.grasp.surface.charts(world.state.xi, world.grasp.face)[:, 0]
+    points = world.grasp.surface.charts(world.state.xi, world.state.face)[:, 0]
     xi = np.array(
         [
             body.project(scale * p, int(face))[0]
-            for p, face in zip(points, world.grasp.face, strict=True)
+            for p, face in zip(points, world.state.face, strict=True)
         ]
     )
     grasp = replace(world.grasp, surface=body, at=xi, rest_length=scale * world.grasp.rest_length)

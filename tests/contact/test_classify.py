@@ -146,7 +146,7 @@ def short_finger(tmp_path):
             5e4 * one, 0.005 * one, True,
         )  # fmt: skip
         kin = ExtendedKinematics(Kinematics(load_robot(path), ("tip",)), grasp, 50.0)
-        state = ContactState(np.array([mode], dtype=np.int64), grasp.at, np.eye(3)[None])
+        state = ContactState.planned(grasp, np.array([mode], dtype=np.int64))
         place = ObjectReference(
             np.array([1.5, 0.5, 0.0]), np.eye(3), np.zeros(6), 0.005 * one, np.zeros(1)
         )

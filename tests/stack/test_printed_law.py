@@ -154,7 +154,7 @@ def test_without_an_object_only_the_tasks_remain():
     model = robot("planar", prismatic=False)
     kin = ExtendedKinematics(Kinematics(model, SETTINGS["planar"].tips), no_grasp(True), 1.0)
     none = np.zeros(0)
-    contact = ContactState(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros((0, 3, 3)))
+    contact = ContactState.planned(kin.grasp, np.zeros(0, dtype=np.int64))
     reference = ObjectReference(np.zeros(3), np.eye(3), np.zeros(6), none, none)
     kin.update(np.zeros(model.nv), contact, reference)
     goal = np.linspace(-0.5, 0.5, model.nv)

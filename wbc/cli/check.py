@@ -176,7 +176,7 @@ def _ends(phase: Phase) -> str:
 def _closed(assembly: Assembly, phase: Phase, q: Array) -> Array:
     """Bring the kinematics to the phase's grasp near q; the configuration that closes it."""
     kin, n = assembly.controller.law.kin, _count(assembly)
-    start = ContactState(phase.mode, np.array(kin.grasp.at), np.tile(np.eye(3), (n, 1, 1)))
+    start = ContactState.planned(kin.grasp, phase.mode)
     reference = kin.reference._replace(reach=phase.pad)
     kin.reference = reference
     closed = close_grasp(kin, q, start)

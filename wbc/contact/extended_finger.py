@@ -241,9 +241,7 @@ class ExtendedKinematics:
         self.robot = robot
         self.grasp = grasp
         self.gain = gain
-        self.state = ContactState(
-            np.zeros(n, dtype=np.int64), np.array(grasp.at), np.tile(np.eye(3), (n, 1, 1))
-        )
+        self.state = ContactState.planned(grasp, np.zeros(n, dtype=np.int64))
         self.reference = ObjectReference(
             np.zeros(3), np.eye(3), np.zeros(6), np.array(grasp.rest_length), np.zeros(n)
         )
@@ -274,7 +272,7 @@ class ExtendedKinematics:
         """Bring everything to the configuration (q, η) and the object's reference."""
         self.state, self.reference = state, reference
         self.robot.update(q)
-        self.grasp.surface.evaluate(state.xi, self.grasp.face, self.charts)
+        self.grasp.surface.evaluate(state.xi, state.face, self.charts)
         self.holding, self.row_count = _contacts(
             state.mode, self.grasp.planar, self.gain, self.charts, state.pivot, reference.reach,
             reference.reach_rate, self._tip, self._tip_rotation, self._linear,

@@ -33,7 +33,7 @@ class Grasp:
         surface: the object's surface, in the object frame.
         fingers: names; finger i's tip is tracked frame i of the `Kinematics`.
         at: (N, 2) chart coordinates of the planned contact points.
-        face: (N,) chart of each contact (a box has six; 0 elsewhere).
+        face: (N,) charts that `at` is in, indices into the surface's `faces`.
         stiffness: (N,) of the elastic pads, k of Δl = f_n / k, [N/m].
         rest_length: (N,) l of (27), [m].
         planar: one chart coordinate, one pivot angle, rows x, y, ω_z.
@@ -77,11 +77,19 @@ class ContactState(NamedTuple):
         mode: (N,) ContactMode of each finger.
         xi: (N, 2) chart coordinates ξ.
         pivot: (N, 3, 3) R_FC, the ball-and-socket angles θ as a rotation: no singular attitude.
+        face: (N,) the chart that each contact is in now.
     """
 
     mode: IntArray
     xi: Array
     pivot: Array
+    face: IntArray
+
+    @classmethod
+    def planned(cls, grasp: Grasp, mode: IntArray) -> ContactState:
+        """The planned contact points, touched as `mode` (N,) says; pivots not known yet."""
+        pivot = np.tile(np.eye(3), (grasp.count, 1, 1))
+        return cls(mode, np.array(grasp.at), pivot, np.array(grasp.face))
 
 
 class ObjectReference(NamedTuple):

@@ -11,6 +11,7 @@ import numpy as np
 
 from wbc.arrays import Array, BoolArray
 from wbc.contact.grasp import ContactMode, ContactState
+from wbc.contact.recharting import recharted
 from wbc.control import checks
 from wbc.control.integrator import runge_kutta
 from wbc.control.law import CostForecast, Law, Motion, Sight, moved
@@ -115,9 +116,7 @@ class Controller:
         tasks, first = len(self.task_names), self.phases.phases[0]
         nv = law.kin.robot.model.nv
         q = checks.vector("q0", q0, nv)
-        contact = ContactState(
-            first.mode, np.array(law.kin.grasp.at), np.tile(np.eye(3), (n, 1, 1))
-        )
+        contact = ContactState.planned(law.kin.grasp, first.mode)
         reference = law.kin.reference._replace(reach=first.pad)
         # every finger that holds sees the object where the scenario puts it
         law.kin.update(q, contact._replace(mode=np.zeros(n, dtype=np.int64)), reference)
@@ -192,6 +191,9 @@ class Controller:
     def _situation(self, t: float, state: ControllerState) -> tuple[ControllerState, Seen]:
         """Everything at t; where a phase begins at t, evaluated again under it."""
         state = self._reordered(state)
+        other = recharted(self.law.kin.grasp.surface, state.contact, state.rates)
+        if other is not None:
+            state = state._replace(contact=other[0], rates=other[1])
         self._evaluate(t, state.q, state.contact, state, self._active(state))
         seen = observe(self.law)
         change = self.phases.advance(state.phase, t, self.law.kin, seen)

@@ -184,4 +184,4 @@ def moved(q: Array, contact: ContactState, rate: Array, time: float) -> tuple[Ar
     """q and η after moving at `rate` (nv + 5N,), a velocity of q̃ as in `Motion`, for a time."""
     q_out, xi, pivot = np.empty_like(q), np.empty_like(contact.xi), np.empty_like(contact.pivot)
     _move(q, contact.xi, contact.pivot, rate, time, q_out, xi, pivot)
-    return q_out, ContactState(contact.mode, xi, pivot)
+    return q_out, contact._replace(xi=xi, pivot=pivot)

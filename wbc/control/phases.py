@@ -207,6 +207,6 @@ class PhaseSequence:
         pivot = np.array(kin.state.pivot)
         for i in np.flatnonzero((kin.state.mode == ContactMode.FREE) & (mode != ContactMode.FREE)):
             pivot[i] = kin.touch(int(i))
-        contact = ContactState(mode, kin.state.xi, pivot)
+        contact = kin.state._replace(mode=mode, pivot=pivot)
         state = state._replace(current=index, since=t, motion=motion)
         return Transition(state, contact, True, False)

@@ -130,7 +130,7 @@ def _assemble(loaded: Loaded, model: RobotModel) -> Assembly:
     )
     place_object(kin, scenario, controller)
     first = controller.phases.phases[0]
-    contact = ContactState(first.mode, np.array(grasp.at), np.tile(np.eye(3), (grasp.count, 1, 1)))
+    contact = ContactState.planned(grasp, first.mode)
     q0 = close_grasp(kin, q_start, contact)
     return Assembly(loaded, model, controller, controller.init(q0), report, main)
 

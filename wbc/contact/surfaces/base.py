@@ -132,6 +132,10 @@ class Surface(ABC):
         """Whether xi (2,) is in the part of the chart fit for a contact."""
         return self.margin(xi, face) >= 0.0
 
+    def rechart(self, xi: Array, face: int) -> tuple[Array, int] | None:
+        """Coordinates and face of a chart that suits the point xi (2,) better, None to stay."""
+        return None
+
     def charts(self, xi: Array, face: IntArray | int = 0) -> Array:
         """As `evaluate`, into a new array. xi: (n, 2) -> (n, 6, 3)."""
         points = np.ascontiguousarray(xi, dtype=np.float64).reshape(-1, 2)

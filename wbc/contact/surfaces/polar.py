@@ -24,7 +24,7 @@ class PolarSurface(Surface):
 
     In that order c_u x c_v points outward. The torsion of the contact frame grows as tan v, so a
     chart is fit for a contact up to 70° of latitude. The three faces put the poles on z, x and y:
-    every point is below 36° of latitude in one of them. `project` with a face re-charts a point.
+    every point is below 36° of latitude in one of them.
     F is the distance to first order, see `gauge.gauge_level`.
     """
 
@@ -51,6 +51,15 @@ class PolarSurface(Surface):
     def margin(self, xi: Array, face: int = 0) -> float:
         """70° less the latitude [rad]."""
         return REGULAR_LATITUDE - abs(float(xi[1]))
+
+    def rechart(self, xi: Array, face: int) -> tuple[Array, int] | None:
+        """Beyond 70° the chart of least latitude; 36° at most, so the change is not undone at once."""
+        if self.margin(xi, face) >= 0.0:
+            return None
+        point = self.point(xi, face)
+        charts = [self.coordinates(point, k) for k in range(3)]
+        best = int(np.argmin([abs(coordinates[1]) for coordinates in charts]))
+        return charts[best], best
 
     def level(self, p: Array) -> float:
         return gauge_level(p, self.half_axes, self.exponent)
