@@ -53,7 +53,7 @@ class PolarSurface(Surface):
         return REGULAR_LATITUDE - abs(float(xi[1]))
 
     def rechart(self, xi: Array, face: int) -> tuple[Array, int] | None:
-        """Beyond 70° the chart of least latitude; 36° at most, so the change is not undone at once."""
+        """Beyond 70° the chart of least latitude: at most 36°, so there is no way straight back."""
         if self.margin(xi, face) >= 0.0:
             return None
         point = self.point(xi, face)
