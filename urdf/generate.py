@@ -33,7 +33,7 @@ def main() -> int:
     check = parser.parse_args().check
     stale = 0
     for name, text in files(figures(FIGURES)).items():
-        path = HERE / f"{name}.urdf"
+        path = HERE / name
         if path.is_file() and path.read_text(encoding="utf-8") == text:
             continue
         stale += 1
@@ -54,20 +54,40 @@ def figures(path: Path) -> dict[str, Any]:
 
 
 def files(data: dict[str, Any]) -> dict[str, str]:
-    """The text of every URDF by name."""
+    """The text of every file by name."""
     robots = {
         "torso": torso(data["torso"]),
         "lwr_arm": arm(data["arm"]),
         "dexmart_hand_right": hand(data["hand"], np.eye(3)),
         "dexmart_hand_left": hand(data["hand"], MIRROR),
     }
-    out = {name: _text(robot, name, data["colours"]) for name, robot in robots.items()}
+    out = {f"{k}.urdf": _text(robot, k, data["colours"]) for k, robot in robots.items()}
     with tempfile.TemporaryDirectory() as folder:
         for name, text in out.items():
-            Path(folder, f"{name}.urdf").write_text(text, encoding="utf-8")
+            Path(folder, name).write_text(text, encoding="utf-8")
         whole = assemble("dual_arm", [_part(row, Path(folder)) for row in data["assembly"]])
-    out["dual_arm"] = _headed(whole)
+    out["dual_arm.urdf"] = _headed(whole)
+    out["dual_arm.srdf"] = _headed(_not_watched(data["not_watched"]))
     return out
+
+
+def _not_watched(groups: list[dict[str, Any]]) -> str:
+    """The SRDF of the whole robot: pairs of links that are not watched, and why."""
+    robot = etree.Element("robot", name="dual_arm")
+    for group in groups:
+        robot.append(etree.Comment(f" {group['why']} "))
+        pairs = [tuple(pair) for pair in group.get("pairs", ())]
+        for side in ("right_", "left_"):
+            pairs += [tuple(_sided(link, side) for link in p) for p in group.get("sides", ())]
+        for one, two in pairs:
+            etree.SubElement(robot, "disable_collisions", link1=one, link2=two)
+    etree.indent(robot, space="  ")
+    return etree.tostring(robot, encoding="unicode") + "\n"
+
+
+def _sided(link_name: str, side: str) -> str:
+    """The torso has no sides."""
+    return link_name if link_name.startswith(("torso", "chest")) else side + link_name
 
 
 def _part(row: dict[str, Any], folder: Path) -> Part:
