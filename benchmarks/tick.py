@@ -44,7 +44,7 @@ def pieces(euler: Assembly, rk4: Assembly, state) -> dict[str, Callable[[], obje
     """The floor, the ticks, and the parts of a tick at one state."""
     controller = euler.controller
     law, robot, t = controller.law, euler.model.pin_model, state.tick * controller.settings.dt
-    data, q = robot.createData(), np.array(state.q)
+    data, q = robot.createData(), euler.model.full(state.q)
     kin, contact = law.kin, state.contact
     controller.step(state)  # brings every workspace to this state
     reference = kin.reference

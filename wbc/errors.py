@@ -48,3 +48,8 @@ def did_you_mean(name: str, valid: Iterable[str], *, most: int = 12) -> str:
         return " (there are none)"
     shown = ", ".join(known[:most]) + (", ..." if len(known) > most else "")
     return f" (known: {shown})"
+
+
+def follower_refusal(name: str, master: str) -> str:
+    """What to say where a joint is named that is not free to be."""
+    return f"joint '{name}' follows '{master}' (mimic) and has no value of its own: name '{master}'"

@@ -14,7 +14,8 @@ import numpy as np
 from conformance.robots import robot
 from conformance.worlds import PLACES, SURFACE_SAMPLES, World
 from wbc.costs import Collision, Cost, JointLimits
-from wbc.robot.distances import OBJECT, CollisionScene, Distances, collision_scene, with_object
+from wbc.robot.collision_scene import OBJECT, CollisionScene, collision_scene, with_object
+from wbc.robot.distances import Distances
 from wbc.robot.pruning import prune
 
 Draw = np.random.Generator

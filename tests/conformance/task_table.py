@@ -12,6 +12,7 @@ import numpy as np
 
 from conformance.worlds import PLACES, World, random_rotation, random_twist
 from wbc.contact.surfaces import Surface
+from wbc.robot.kinematics import Kinematics
 from wbc.rotations import exp_so3
 from wbc.tasks import (
     CenterOfMass,
@@ -28,7 +29,7 @@ from wbc.tasks import (
     TipPosition,
     pose_target,
 )
-from wbc.tasks.manipulability import finger_chains, manipulability_gradient
+from wbc.tasks.manipulability import manipulability_gradient
 
 Draw = np.random.Generator
 HALF_TURN = np.pi - 1e-3
@@ -256,22 +257,25 @@ def equilibrium(kind: type[Task], *, squared: bool) -> Callable[[World, Draw, st
     return make
 
 
+def chain_of(robot: Kinematics, frame: int) -> tuple[np.ndarray, ...]:
+    """What `manipulability_gradient` reads of a tracked frame."""
+    model = robot.model
+    return (
+        robot.joint_jacobian, robot.position[frame], robot.linear[frame], robot.chains[frame],
+        robot.leads[frame], model.master, model.ratio,
+    )  # fmt: skip
+
+
 def manipulability(*, squared: bool) -> Callable[[World, Draw, str], Example]:
     def make(world: World, draw: Draw, spot: str) -> Example:
         robot = world.update().robot
         fingers = np.arange(world.grasp.count)
-        support = np.array([robot.model.support(robot.model.frame(f)) for f in world.grasp.fingers])
-        chains = finger_chains(support)
         size = 2 if world.planar else 3
-        w = [
-            manipulability_gradient(
-                robot.linear[f], robot.angular[f], chains[f], size, np.zeros(world.nv)
-            )
-            for f in fingers
-        ]
+        zero = np.zeros(world.nv)
+        w = [manipulability_gradient(*chain_of(robot, f), size, zero.copy()) for f in fingers]
         threshold = {"deep": 1.5 * max(w), "just_below": min(w) * 1.003, "above": 0.9 * min(w)}
         task = Manipulability(
-            **settings("dexterity"), fingers=fingers, chains=chains, threshold=threshold[spot],
+            **settings("dexterity"), fingers=fingers, threshold=threshold[spot],
             band=0.2 * max(w), planar=world.planar, squared=squared,
         )  # fmt: skip
         return Example(world, task, None)

@@ -101,6 +101,9 @@ CASES = (
     Case("mimic-self", JOINT, "<limit", '<mimic joint="a_1"/><limit', "mimics itself"),
     Case("mimic-fixed", JOINT, "<limit", '<mimic joint="tip_a_fixed"/><limit', "which is fixed"),
     Case("mimic-factor", JOINT, "<limit", '<mimic joint="b_1" multiplier="x"/><limit', "not a num"),
+    Case("mimic-0", JOINT, "<limit", '<mimic joint="b_1" multiplier="0"/><limit', "joint fixed"),
+    Case("mimic-huge", JOINT, "<limit", '<mimic joint="b_1" offset="1e99"/><limit', "beyond any"),
+    Case("mimic-limits", JOINT, "<limit", '<mimic joint="b_1" offset="9"/><limit', "ask 'b_1' to"),
     Case("dynamics-empty", JOINT, "<limit", "<dynamics/><limit", "neither 'damping' nor"),
     Case("damping-negative", JOINT, "<limit", '<dynamics damping="-1"/><limit', "-1 is negative"),
     Case("safety-empty", JOINT, "<limit", "<safety_controller/><limit", "'k_velocity'"),
@@ -178,13 +181,13 @@ def test_all_faults_at_once_in_file_order(tmp_path: Path) -> None:
     assert lines == sorted(lines)
 
 
-def test_mimic_chain(tmp_path: Path) -> None:
+def test_mimic_ring(tmp_path: Path) -> None:
     text = TEXT
-    for joint, leader in (("b_1", "a_1"), ("b_2", "b_1")):
+    for joint, leader in (("b_1", "a_1"), ("b_2", "b_1"), ("a_1", "b_2")):
         start = text.index("<limit", text.index(f'<joint name="{joint}"'))
         text = text[:start] + f'<mimic joint="{leader}"/>' + text[start:]
     (fault,) = _faults(_write(tmp_path, text))
-    assert "mimics 'b_1', which is a mimic itself" in fault
+    assert "the joints 'a_1', 'b_2', 'b_1' mimic each other" in fault
 
 
 def test_moving_leaf_without_inertial(tmp_path: Path) -> None:

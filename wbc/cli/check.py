@@ -58,20 +58,33 @@ def check_command(arguments: argparse.Namespace) -> int:
 
 def _robot(model: RobotModel) -> Iterable[str]:
     where = "in its plane" if model.planar else "in space"
-    yield f"{model.path.name}: {model.nv} joints, moves {where}"
-    width = max(len(name) for name in model.joint_names)
+    coupled = f" and {model.n_full - model.nv} that follow them" if model.followers else ""
+    yield f"{model.path.name}: {model.nv} joints{coupled}, moves {where}"
+    width = max(len(name) for name in model.full_names)
     for j, name in enumerate(model.joint_names):
-        scale, unit, rate, effort = _units(model, j)
+        scale, unit, rate, effort = _units(model, int(model.own[j]))
         low, high = scale * model.lower[j], scale * model.upper[j]
         yield (
             f"{name:<{width}}  {low:8.1f} to {high:7.1f} {unit}"
             f"   {model.velocity[j]:g} {rate}   {model.effort[j]:g} {effort}"
         )
+    for k, name in enumerate(model.full_names):
+        if name in model.followers:
+            yield f"{name:<{width}}  = {_coupling(model, k)}"
+
+
+def _coupling(model: RobotModel, joint: int) -> str:
+    """How a joint of all follows its master, in the units of `_units`."""
+    master = int(model.master[joint])
+    scale, unit, *_ = _units(model, joint)
+    ratio = model.ratio[joint] * scale / _units(model, int(model.own[master]))[0]
+    offset = scale * model.offset[joint]
+    return f"{ratio:g} {model.joint_names[master]}" + (f" {offset:+g} {unit}" if offset else "")
 
 
 def _units(model: RobotModel, joint: int) -> tuple[float, str, str, str]:
-    """Factor and unit of positions, units of velocity and effort."""
-    if "JointModelP" in model.pin_model.joints[joint + 1].shortname():
+    """Factor and unit of positions, units of velocity and effort, of a joint of all."""
+    if model.is_prismatic(joint):
         return 1e3, "mm", "m/s", "N"
     return 180.0 / math.pi, "deg", "rad/s", "Nm"
 
@@ -121,7 +134,7 @@ def _start(assembly: Assembly, faults: list[str]) -> Iterable[str]:
         yield f"{kin.holding} fingers closed on the object to {errors.max():.1e} m"
     room = np.minimum(state.q - model.lower, model.upper - state.q)
     j = int(np.argmin(room))
-    scale, unit, *_ = _units(model, j)
+    scale, unit, *_ = _units(model, int(model.own[j]))
     yield f"nearest joint limit: {model.joint_names[j]}, {scale * room[j]:.1f} {unit} away"
     if law.distances is None or not len(law.distances.scene.pair_names):
         return

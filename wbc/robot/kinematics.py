@@ -7,7 +7,7 @@ from typing import Any, final
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import Array, IntArray
+from wbc.arrays import Array, BoolArray, IntArray
 from wbc.compiled import kernel
 from wbc.errors import WbcError
 from wbc.robot.model import RobotModel
@@ -34,14 +34,26 @@ def placements(poses: Any, *, writeable: bool = False) -> Array:
 
 
 @kernel
+def _expand(
+    q: Array, master: IntArray, ratio: Array, offset: Array, q_own: Array, q_full: Array
+) -> None:
+    """Keep q and the positions of all joints at it."""
+    q_own[:] = q
+    for k in range(master.shape[0]):
+        q_full[k] = ratio[k] * q[master[k]] + offset[k]
+
+
+@kernel
 def _frames(
-    poses: Array, ids: IntArray, joint_jacobian: Array, support: Array,
+    poses: Array, ids: IntArray, joint_jacobian: Array, chains: IntArray, leads: BoolArray,
+    master: IntArray, ratio: Array,
     position: Array, rotation: Array, linear: Array, angular: Array,
 ) -> None:  # fmt: skip
     """Placements and Jacobians of all tracked frames (25).
 
     A joint's column holds the velocity of the world's origin and the angular velocity; a frame at p
-    moves with v + ω × p if the joint carries it.
+    moves with v + ω × p if the joint carries it. Columns of joints that do not carry a frame are
+    never written.
     """
     for f in range(ids.shape[0]):
         pose = poses[ids[f]]
@@ -51,11 +63,46 @@ def _frames(
             rotation[f, 2, c] = pose[3 * c + 2]
         x, y, z = pose[9], pose[10], pose[11]
         position[f, 0], position[f, 1], position[f, 2] = x, y, z
-        s = support[f]
-        angular[f] = joint_jacobian[3:] * s
-        linear[f, 0] = (joint_jacobian[0] + joint_jacobian[4] * z - joint_jacobian[5] * y) * s
-        linear[f, 1] = (joint_jacobian[1] + joint_jacobian[5] * x - joint_jacobian[3] * z) * s
-        linear[f, 2] = (joint_jacobian[2] + joint_jacobian[3] * y - joint_jacobian[4] * x) * s
+        for i in range(chains.shape[1]):
+            k = chains[f, i]
+            if k < 0:
+                break
+            j, r = master[k], ratio[k]
+            a, b, c = joint_jacobian[3, k], joint_jacobian[4, k], joint_jacobian[5, k]
+            u = r * (joint_jacobian[0, k] + b * z - c * y)
+            v = r * (joint_jacobian[1, k] + c * x - a * z)
+            w = r * (joint_jacobian[2, k] + a * y - b * x)
+            if leads[f, i]:
+                linear[f, 0, j], linear[f, 1, j], linear[f, 2, j] = u, v, w
+                angular[f, 0, j], angular[f, 1, j], angular[f, 2, j] = r * a, r * b, r * c
+            else:
+                linear[f, 0, j] += u
+                linear[f, 1, j] += v
+                linear[f, 2, j] += w
+                angular[f, 0, j] += r * a
+                angular[f, 1, j] += r * b
+                angular[f, 2, j] += r * c
+
+
+@kernel
+def _gather(columns: Array, master: IntArray, ratio: Array, out: Array) -> None:
+    """Columns by the independent joints from columns by all joints, (3, n_full) to (3, nv)."""
+    out[:] = 0.0
+    for k in range(master.shape[0]):
+        for r in range(out.shape[0]):
+            out[r, master[k]] += ratio[k] * columns[r, k]
+
+
+def _listed(chains: list[list[int]], master: IntArray) -> tuple[IntArray, BoolArray]:
+    """Chains as rows padded with -1, and where each is the first of its master's joints."""
+    width = max(map(len, chains), default=0)
+    rows = np.full((len(chains), width), -1, dtype=np.int64)
+    leads = np.zeros((len(chains), width), dtype=np.bool_)
+    for f, chain in enumerate(chains):
+        rows[f, : len(chain)] = chain
+        masters = master[chain].tolist()
+        leads[f, : len(chain)] = [masters.index(m) == i for i, m in enumerate(masters)]
+    return rows, leads
 
 
 @final
@@ -64,7 +111,7 @@ class Kinematics:
 
     The arrays are this object's workspace: `update` overwrites them and returns the object, and
     what is read until the next `update` belongs to that q. Frames are known by their place in
-    `frames`.
+    `frames`. Jacobians are by the independent joints, the motion of those that follow included.
 
     Attributes:
         model: the robot.
@@ -74,8 +121,15 @@ class Kinematics:
         rotation: (F, 3, 3) orientations in the world.
         linear, angular: (F, 3, nv) Jacobians of the origins' velocity and of the angular velocity,
             in the world's axes (25).
+        chains: (F, L) the joints (k of n_full) that carry each frame, from the root, padded with
+            -1.
+        leads: (F, L) where in its chain an independent joint is met for the first time, by itself
+            or by one that follows it.
         com, com_jacobian: (3,) [m] and (3, nv), fresh only if `track_com`.
         joint_poses: (njoints, 12) placements of all joints, as from `placements`.
+        joint_jacobian: (6, n_full) a view of Pinocchio's: column k is what joint k alone gives, the
+            velocity of the point of the body that is at the world's origin, then the angular
+            velocity, in the world's axes; the columns are contiguous.
     """
 
     def __init__(
@@ -86,7 +140,9 @@ class Kinematics:
         self.track_com = track_com
         self.data: Any = model.pin_model.createData()
         count, nv = len(frames), model.nv
+        self._coupled = model.n_full > nv
         self.q: Array = np.zeros(nv)
+        self._q_full: Array = model.full(self.q) if self._coupled else self.q
         self.position: Array = np.zeros((count, 3))
         self.rotation: Array = np.zeros((count, 3, 3))
         self.linear: Array = np.zeros((count, 3, nv))
@@ -94,31 +150,40 @@ class Kinematics:
         self.com: Array = np.zeros(3)
         self.com_jacobian: Array = np.zeros((3, nv))
         ids = [model.frame(name) for name in frames]
-        self._support = np.array([model.support(i) for i in ids]).reshape(count, nv)
+        self.chains, self.leads = _listed([model.frame_chain(i) for i in ids], model.master)
         self._ids = np.array(ids, dtype=np.int64)
         self._frame_poses = placements(self.data.oMf)
         self.joint_poses = placements(self.data.oMi)
-        self._joint_jacobian: Array = self.data.J
+        self.joint_jacobian: Array = self.data.J
 
     def update(self, q: Array) -> Kinematics:
         """Bring everything to q, shape (nv,), finite."""
-        self.q[:] = q
-        pin.computeJointJacobians(self.model.pin_model, self.data, q)
-        pin.updateFramePlacements(self.model.pin_model, self.data)
+        self._take(q)
+        model = self.model
+        pin.computeJointJacobians(model.pin_model, self.data, self._q_full)
+        pin.updateFramePlacements(model.pin_model, self.data)
         _frames(
-            self._frame_poses, self._ids, self._joint_jacobian, self._support,
-            self.position, self.rotation, self.linear, self.angular,
+            self._frame_poses, self._ids, self.joint_jacobian, self.chains, self.leads,
+            model.master, model.ratio, self.position, self.rotation, self.linear, self.angular,
         )  # fmt: skip
         if self.track_com:
-            self.com_jacobian[:] = pin.jacobianCenterOfMass(self.model.pin_model, self.data, q)
+            full = pin.jacobianCenterOfMass(model.pin_model, self.data, self._q_full)
+            _gather(full, model.master, model.ratio, self.com_jacobian)
             self.com[:] = self.data.com[0]
         return self
 
     def update_placements(self, q: Array) -> Kinematics:
         """Bring only the joint placements to q (for predicted costs); Jacobians stay behind."""
-        self.q[:] = q
-        pin.forwardKinematics(self.model.pin_model, self.data, q)
+        self._take(q)
+        pin.forwardKinematics(self.model.pin_model, self.data, self._q_full)
         return self
+
+    def _take(self, q: Array) -> None:
+        if self._coupled:
+            model = self.model
+            _expand(q, model.master, model.ratio, model.offset, self.q, self._q_full)
+        else:
+            self.q[:] = q
 
     def index(self, frame: str) -> int:
         """Place of a tracked frame."""

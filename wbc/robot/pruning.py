@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.robot.distances import OBJECT, body_name, round_about
+from wbc.robot.collision_scene import OBJECT, body_name, round_about, slide
 from wbc.robot.model import RobotModel
 
 _SAMPLES = 200
+_SAME = 1e-6  # joints that are no further apart are at one place, [m]
 
 
 class PairReport(NamedTuple):
@@ -87,21 +88,35 @@ def prune(
 def _adjacent(model: RobotModel, a: Any, b: Any) -> bool:
     """Whether two shapes ride on the same joint, on neighbours, or on joints at one place."""
     i, j = a.parentJoint, b.parentJoint
-    parents, placements = model.pin_model.parents, model.pin_model.jointPlacements
-    if i == j or (i > 0 and parents[i] == j) or (j > 0 and parents[j] == i):
+    if i == j or j in _neighbours(model, i) or i in _neighbours(model, j):
         return True
+    parents, placements = model.pin_model.parents, model.pin_model.jointPlacements
     if i == 0 or j == 0 or parents[i] != parents[j]:
         return False
-    return bool(np.linalg.norm(placements[i].translation - placements[j].translation) < 1e-6)
+    return bool(np.linalg.norm(placements[i].translation - placements[j].translation) < _SAME)
+
+
+def _neighbours(model: RobotModel, joint: int) -> list[int]:
+    """Pinocchio's joint before this one, and before that as long as they turn at one place."""
+    found = []
+    while joint > 0:
+        before = model.pin_model.parents[joint]
+        found.append(before)
+        if before == 0 or model.is_prismatic(before - 1) or _length(model, joint - 1) > _SAME:
+            break
+        joint = before
+    return found
 
 
 def _least_possible(model: RobotModel, a: Any, b: Any) -> float:
     """A distance that two shapes keep whatever the joints do, [m]; negative where nothing is known.
 
+    It holds for joints that follow others all the more: here they are free.
+
     Seen from the last joint that carries both, each shape stays in a ball about the origin of the
     first joint that carries it alone, as wide as its way along the links.
     """
-    chains = [_chain(model, o.parentJoint) for o in (a, b)]
+    chains = [model.chain(o.parentJoint) for o in (a, b)]
     shared = 0
     while shared < min(map(len, chains)) and chains[0][shared] == chains[1][shared]:
         shared += 1
@@ -114,32 +129,14 @@ def _least_possible(model: RobotModel, a: Any, b: Any) -> float:
             centers.append(0.5 * (ends[:3] + ends[3:]))
             radii.append(0.5 * np.linalg.norm(ends[:3] - ends[3:]) + radius)
             continue
-        centers.append(model.pin_model.jointPlacements[own[0]].translation)
-        radii.append(far + sum(_length(model, joint) for joint in own[1:]) + _slide(model, own))
+        centers.append(model.pin_model.jointPlacements[own[0] + 1].translation)
+        slides = sum(slide(model, joint) for joint in own)
+        radii.append(far + sum(_length(model, joint) for joint in own[1:]) + slides)
     return float(np.linalg.norm(centers[0] - centers[1]) - radii[0] - radii[1])
 
 
-def _chain(model: RobotModel, joint: int) -> list[int]:
-    """Joints from the root to `joint`, both included."""
-    chain = []
-    while joint > 0:
-        chain.append(joint)
-        joint = model.pin_model.parents[joint]
-    return chain[::-1]
-
-
 def _length(model: RobotModel, joint: int) -> float:
-    return float(np.linalg.norm(model.pin_model.jointPlacements[joint].translation))
-
-
-def _slide(model: RobotModel, chain: list[int]) -> float:
-    """How far the prismatic joints of a chain can carry what is behind them, [m]."""
-    total = 0.0
-    for joint in chain:
-        if "JointModelP" in model.pin_model.joints[joint].shortname():
-            k = model.pin_model.joints[joint].idx_v
-            total += max(abs(model.lower[k]), abs(model.upper[k]))
-    return total
+    return float(np.linalg.norm(model.pin_model.jointPlacements[joint + 1].translation))
 
 
 def _largest_sampled(
@@ -155,7 +152,7 @@ def _largest_sampled(
     high = np.full(len(pairs), -np.inf)
     random = np.random.default_rng(seed)
     for _ in range(_SAMPLES if pairs else 0):
-        q = random.uniform(model.lower, model.upper)
+        q = model.full(random.uniform(model.lower, model.upper))
         pin.updateGeometryPlacements(model.pin_model, data, geometry, geometry_data, q)
         pin.computeDistances(geometry, geometry_data)
         np.maximum(high, [r.min_distance for r in results], out=high)

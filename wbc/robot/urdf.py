@@ -7,15 +7,34 @@ once and named with its line and a remedy. What passes loads in Pinocchio 3.8 an
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import final
 
 from wbc.robot.strict_xml import Faults, Node, Scope, read, shown
 from wbc.robot.urdf_body import check_bodies
-from wbc.robot.urdf_joint import Joint, check_joint, check_mimics
+from wbc.robot.urdf_joint import Joint, Limits, check_joint
 from wbc.robot.urdf_link import Link, check_link, check_material
+from wbc.robot.urdf_mimic import Coupling, couplings, narrowed
 
 MAX_LINKS = 2000
 _PARTS = ("link", "joint", "material", "transmission", "gazebo")
+
+
+@final
+@dataclass(frozen=True)
+class Description:
+    """A checked URDF.
+
+    Attributes:
+        text: what was checked.
+        couplings: the joints that follow another (``<mimic>``), by name.
+        limits: of the joints that lead others, by name, narrowed so that these keep theirs.
+    """
+
+    text: str
+    couplings: dict[str, Coupling]
+    limits: dict[str, Limits]
 
 
 def check_urdf(path: Path) -> None:
@@ -24,7 +43,7 @@ def check_urdf(path: Path) -> None:
     Raises:
         UrdfError: with all faults, one line each: ``robot.urdf:42: what, where; remedy``.
     """
-    load_urdf_text(path)
+    read_urdf(path)
 
 
 def load_urdf_text(path: Path) -> str:
@@ -33,14 +52,24 @@ def load_urdf_text(path: Path) -> str:
     Raises:
         UrdfError: with all faults, one line each.
     """
+    return read_urdf(path).text
+
+
+def read_urdf(path: Path) -> Description:
+    """The URDF at `path` and what couples its joints, after the check of `check_urdf`.
+
+    Raises:
+        UrdfError: with all faults, one line each.
+    """
     text, robot = read(Path(path), "robot")
     faults = Faults(path)
-    _check_robot(robot, faults)
+    found, limits = _check_robot(robot, faults)
     faults.raise_if_any()
-    return text
+    return Description(text, found, limits)
 
 
-def _check_robot(robot: Node, faults: Faults) -> None:
+def _check_robot(robot: Node, faults: Faults) -> tuple[dict[str, Coupling], dict[str, Limits]]:
+    """Note all faults; the couplings of the joints, and the limits that these narrow."""
     scope = Scope(faults, "the robot")
     scope.text(robot, "name", "name the robot")
     scope.known(robot, _PARTS)
@@ -53,17 +82,19 @@ def _check_robot(robot: Node, faults: Faults) -> None:
     _check_materials(robot, faults)
     if len(robot.every("link")) > MAX_LINKS:
         scope.fault(robot, f"more than {MAX_LINKS} links", "this is not a robot description")
-        return
+        return {}, {}
     links = [check_link(node, faults) for node in robot.every("link")]
     joints = [check_joint(node, faults) for node in robot.every("joint")]
     if not links:
         scope.fault(robot, "no <link>", "a robot has at least one link")
     _check_names(links, joints, faults)
-    check_mimics(joints, faults)
+    found = couplings(joints, faults)
+    limits = narrowed(joints, found, faults)
     by_name = {link.name: link for link in links if link.name is not None}
     # A link without name would make every mention of it a fault as well.
     if len(by_name) == len(links) and _check_references(by_name, joints, faults):
         _check_tree(by_name, joints, faults)
+    return found, limits
 
 
 def _check_materials(robot: Node, faults: Faults) -> None:

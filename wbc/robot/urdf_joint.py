@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import cos, hypot, sin
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 
@@ -37,6 +37,14 @@ class Frame:
     position: Array = field(default_factory=lambda: np.zeros(3))
 
 
+class Limits(NamedTuple):
+    """What a joint is allowed: positions [rad] or [m], and speed."""
+
+    lower: float
+    upper: float
+    velocity: float
+
+
 @final
 @dataclass(frozen=True, eq=False)
 class Joint:
@@ -51,6 +59,11 @@ class Joint:
     child_node: Node
     frame: Frame
     """Where the child lies in the parent."""
+    limits: Limits | None
+    """Of a revolute or prismatic joint."""
+    multiplier: float
+    """Of the joint it mimics, if it mimics one."""
+    offset: float
 
     @property
     def where(self) -> str:
@@ -80,9 +93,12 @@ def check_joint(node: Node, faults: Faults) -> Joint:
     frame = check_origin(node, scope)
     if type_ in MOVING:
         _check_axis(node, scope)
-    _check_limit(node, type_, scope)
+    limits = _check_limit(node, type_, scope)
+    multiplier, offset = _check_mimic(node, scope)
     _check_extras(node, scope)
-    return Joint(node, name, type_, *ends["parent"], *ends["child"], frame)
+    return Joint(
+        node, name, type_, *ends["parent"], *ends["child"], frame, limits, multiplier, offset
+    )
 
 
 def check_origin(node: Node, scope: Scope) -> Frame:
@@ -97,28 +113,6 @@ def check_origin(node: Node, scope: Scope) -> Frame:
     y = np.array([[cos(pitch), 0, sin(pitch)], [0, 1, 0], [-sin(pitch), 0, cos(pitch)]])
     z = np.array([[cos(yaw), -sin(yaw), 0], [sin(yaw), cos(yaw), 0], [0, 0, 1]])
     return Frame(z @ y @ x, np.array(position))
-
-
-def check_mimics(joints: list[Joint], faults: Faults) -> None:
-    """A mimic joint follows another moving joint of the file, which is no mimic itself."""
-    by_name = {joint.name: joint for joint in joints if joint.name is not None}
-    for joint in joints:
-        mimic = joint.node.first("mimic")
-        leader = None if mimic is None else mimic.attributes.get("joint")
-        if mimic is None or leader is None:
-            continue
-        scope = Scope(faults, joint.where)
-        if leader not in by_name:
-            what = f"mimics the unknown joint '{shown(leader)}'{faults.hint(leader, by_name)}"
-            scope.fault(mimic, what, "name a <joint> of this file")
-        elif leader == joint.name:
-            scope.fault(mimic, "mimics itself", "name the joint to follow, or remove <mimic>")
-        elif by_name[leader].node.first("mimic") is not None:
-            what = f"mimics '{shown(leader)}', which is a mimic itself"
-            scope.fault(mimic, what, "name the joint at the head of the chain")
-        elif by_name[leader].type == "fixed" and joint.moves:
-            what = f"mimics '{shown(leader)}', which is fixed"
-            scope.fault(mimic, what, "name a moving joint, or remove <mimic>")
 
 
 def _check_type(node: Node, scope: Scope) -> str | None:
@@ -144,14 +138,15 @@ def _check_axis(node: Node, scope: Scope) -> None:
         scope.fault(axis, "the axis has no length", 'write a unit vector, e.g. "0 0 1"')
 
 
-def _check_limit(node: Node, type_: str | None, scope: Scope) -> None:
+def _check_limit(node: Node, type_: str | None, scope: Scope) -> Limits | None:
+    """The limits of a revolute or prismatic joint."""
     bounded = type_ in ("revolute", "prismatic")
     limit = scope.only(node, "limit")
     if limit is None:
         if bounded:
             remedy = 'write <limit lower="..." upper="..." effort="..." velocity="..."/>'
             scope.fault(node, f"no <limit>, which a {type_} joint needs", remedy)
-        return
+        return None
     ranged = "without it Pinocchio locks the joint at 0" if bounded else ""
     lower = scope.number(limit, "lower", ranged)
     upper = scope.number(limit, "upper", ranged)
@@ -167,16 +162,25 @@ def _check_limit(node: Node, type_: str | None, scope: Scope) -> None:
         scope.fault(limit, f"effort {effort:g} is negative", "write its magnitude")
     if type_ in MOVING and velocity is not None and velocity <= 0:
         scope.fault(limit, f"velocity {velocity:g} is not positive", "write the largest speed")
+    if not bounded or lower is None or upper is None or velocity is None:
+        return None
+    return Limits(lower, upper, velocity) if lower <= upper and velocity > 0 else None
+
+
+def _check_mimic(node: Node, scope: Scope) -> tuple[float, float]:
+    """Multiplier and offset; 1 and 0 by the format where they are not written."""
+    mimic = scope.only(node, "mimic")
+    if mimic is None:
+        return 1.0, 0.0
+    scope.known(mimic, optional=("multiplier", "offset"))
+    scope.text(mimic, "joint", "name the joint to follow")
+    multiplier = scope.number(mimic, "multiplier", largest=1e9)
+    offset = scope.number(mimic, "offset", largest=1e9)
+    return 1.0 if multiplier is None else multiplier, 0.0 if offset is None else offset
 
 
 def _check_extras(node: Node, scope: Scope) -> None:
     """The optional parts, whose garbage would make Pinocchio refuse the file without a cause."""
-    mimic = scope.only(node, "mimic")
-    if mimic is not None:
-        scope.known(mimic, optional=("multiplier", "offset"))
-        scope.text(mimic, "joint", "name the joint to follow")
-        scope.number(mimic, "multiplier")
-        scope.number(mimic, "offset")
     dynamics = scope.only(node, "dynamics")
     if dynamics is not None:
         found = [scope.number(dynamics, name) for name in ("damping", "friction")]

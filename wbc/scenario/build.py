@@ -73,12 +73,11 @@ def build(loaded: Loaded) -> Assembly:
     scenario = loaded.scenario
     model = _robot(loaded)
     links = {f.name for f in model.pin_model.frames if "BODY" in str(f.type)}
+    joints = model.joint_names
     prismatic = [
-        name
-        for name, joint in zip(model.joint_names, list(model.pin_model.joints)[1:], strict=True)
-        if "JointModelP" in joint.shortname()
+        name for name, k in zip(joints, model.own, strict=True) if model.is_prismatic(int(k))
     ]
-    faults = check_names(scenario, model.joint_names, model.frame_names, links, prismatic)
+    faults = check_names(scenario, joints, model.frame_names, links, prismatic, model.followers)
     if faults:
         raise loaded.error(faults)
     try:

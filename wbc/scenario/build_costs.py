@@ -10,7 +10,13 @@ from wbc.arrays import Array, read_only
 from wbc.contact.grasp import Grasp
 from wbc.costs import Collision, Cost, JointLimits
 from wbc.errors import ScenarioError
-from wbc.robot.distances import OBJECT, CollisionScene, body_name, collision_scene, with_object
+from wbc.robot.collision_scene import (
+    OBJECT,
+    CollisionScene,
+    body_name,
+    collision_scene,
+    with_object,
+)
 from wbc.robot.model import RobotModel
 from wbc.robot.pruning import PairReport, prune
 from wbc.robot.srdf import disabled_pairs

@@ -29,7 +29,6 @@ from wbc.tasks import (
     Task,
     TipPosition,
 )
-from wbc.tasks.manipulability import finger_chains
 
 _TIP_SATURATION = math.inf
 _FRAME_FIELDS = ("frame", "reference")
@@ -105,14 +104,11 @@ def _moment(name: str, spec: kinds.EquilibriumMomentSpec, context: Context) -> T
 def _manipulability(name: str, spec: kinds.ManipulabilitySpec, context: Context) -> Task:
     names = list(context.scenario.robot.fingers)
     chosen = names if spec.fingers is None else list(spec.fingers)
-    grasp, model = context.kin.grasp, context.kin.robot.model
-    chosen = [finger for finger in chosen if finger in grasp.fingers]
+    chosen = [finger for finger in chosen if finger in context.kin.grasp.fingers]
     tips = [context.scenario.robot.fingers[finger] for finger in chosen]
-    support = np.array([model.support(model.frame(tip)) for tip in tips])
     return Manipulability(
         *_common(name, spec),
         fingers=np.array([context.frame(tip) for tip in tips], dtype=np.int64),
-        chains=finger_chains(support.reshape(len(tips), model.nv)),
         threshold=spec.threshold,
         band=spec.band,
         planar=context.planar,

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import Literal
 
+from wbc.errors import follower_refusal
 from wbc.scenario.blocks import EVERY
 from wbc.scenario.kinds import (
     CollisionSpec,
@@ -34,6 +36,7 @@ def check_names(
     frames: Collection[str],
     links: Collection[str],
     prismatic: Collection[str] = (),
+    followers: Mapping[str, str] | None = None,
 ) -> list[Fault]:
     """Joints, frames and links that the robot does not have, as faults that `Loaded.error` locates.
 
@@ -43,14 +46,18 @@ def check_names(
         frames: names of all frames.
         links: names of the bodies that can collide.
         prismatic: a subset of `joints`.
+        followers: joints that follow another (mimic), each with the one to name in its place.
     """
-    faults = Faults()
-    for path, joint in _joints(scenario):
-        if joint not in joints:
-            faults.unknown(path, "joint", joint, joints, on="key")
-    for path, joint in _listed_joints(scenario):
-        if joint not in joints:
-            faults.unknown(path, "joint", joint, joints)
+    faults, driven = Faults(), followers or {}
+    named: list[tuple[KeyPath, str, Literal["key", "value"]]] = [
+        *((path, joint, "key") for path, joint in _joints(scenario)),
+        *((path, joint, "value") for path, joint in _listed_joints(scenario)),
+    ]
+    for path, joint, on in named:
+        if joint in driven:
+            faults.add(path, follower_refusal(joint, driven[joint]), on=on)
+        elif joint not in joints:
+            faults.unknown(path, "joint", joint, joints, on=on)
     for path, joint, value in _positions(scenario):
         wanted = "length" if joint in prismatic else "angle"
         if joint in joints and value.dimension not in (wanted, "any"):

@@ -7,61 +7,72 @@ from typing import final
 
 import numpy as np
 
-from wbc.arrays import Array, IntArray
+from wbc.arrays import Array, BoolArray, IntArray
 from wbc.compiled import kernel
 from wbc.contact.extended_finger import ExtendedKinematics
-from wbc.errors import SetupError
 from wbc.rotations import cross
 from wbc.tasks.base import Task, TaskRows, fade
 
 
 @kernel
 def manipulability_gradient(
-    linear: Array, angular: Array, chain: IntArray, size: int, gradient: Array
-) -> float:
+    joint_jacobian: Array, position: Array, linear: Array, chain: IntArray, leads: BoolArray,
+    master: IntArray, ratio: Array, size: int, gradient: Array,
+) -> float:  # fmt: skip
     """w = sqrt(det(J Jᵀ)) of a chain's position Jacobian (46) and its gradient.
 
     dw/dq_k = w tr((J Jᵀ)⁻¹ ∂J/∂q_k Jᵀ), with ∂J_j/∂q_k = ω_min(j,k) × J_max(j,k) for a serial chain
-    listed from its root; in two sweeps along the chain.
+    listed from its root; in two sweeps along the chain. Where joints follow others, J is by the
+    independent ones: a joint's column counts ratio times in its master's, and so does its
+    derivative.
 
     Args:
-        linear, angular: (3, nv) Jacobians of the tip.
-        chain: joints of the chain, root first, padded with -1.
+        joint_jacobian: (6, n_full), as of `Kinematics`.
+        position: (3,) the tip.
+        linear: (3, nv) the tip's Jacobian by the independent joints.
+        chain, leads: (L,) of `Kinematics`.
+        master, ratio: (n_full,) of `RobotModel`.
         size: rows of J, 2 in the plane or 3.
-        gradient: (nv,), filled at the chain's joints.
+        gradient: (nv,), zero on entry, filled at the chain's independent joints.
 
     Returns:
         w; at w = 0 the gradient is left zero.
     """
     n = 0
-    while n < chain.shape[0] and chain[n] >= 0:
-        n += 1
     gram = np.zeros((size, size))
-    for k in range(n):
-        for a in range(size):
-            for b in range(size):
-                gram[a, b] += linear[a, chain[k]] * linear[b, chain[k]]
+    while n < chain.shape[0] and chain[n] >= 0:
+        if leads[n]:
+            j = master[chain[n]]
+            for a in range(size):
+                for b in range(size):
+                    gram[a, b] += linear[a, j] * linear[b, j]
+        n += 1
     det, adjugate = _det_adjugate(gram)
     if not det > 0.0:
         return 0.0
     w: float = np.sqrt(det)
-    m = np.zeros((n, 3))  # columns of (J Jᵀ)⁻¹ J
+    m = np.zeros((n, 3))  # ratio times the master's column of (J Jᵀ)⁻¹ J
+    columns = np.zeros((n, 3))  # what each joint of the chain alone gives
     for k in range(n):
+        j = chain[k]
+        _add_cross(joint_jacobian[3:, j], position, 1.0, columns[k])
+        for a in range(3):
+            columns[k, a] += joint_jacobian[a, j]
         for a in range(size):
             for b in range(size):
-                m[k, a] += adjugate[a, b] * linear[b, chain[k]] / det
+                m[k, a] += ratio[j] * adjugate[a, b] * linear[b, master[j]] / det
     # Σ_i ∂J_i/∂q_k · m_i splits at k: J_k · Σ_{i<=k} m_i × ω_i + ω_k · Σ_{i>k} J_i × m_i
     before, after = np.zeros(3), np.zeros(3)
     for i in range(n):
-        _add_cross(linear[:, chain[i]], m[i], 1.0, after)
+        _add_cross(columns[i], m[i], 1.0, after)
     for k in range(n):
-        column, turn = linear[:, chain[k]], angular[:, chain[k]]
-        _add_cross(m[k], turn, 1.0, before)
-        _add_cross(column, m[k], -1.0, after)
+        j = chain[k]
+        _add_cross(m[k], joint_jacobian[3:, j], 1.0, before)
+        _add_cross(columns[k], m[k], -1.0, after)
         total = 0.0
         for a in range(3):
-            total += column[a] * before[a] + turn[a] * after[a]
-        gradient[chain[k]] = w * total
+            total += columns[k, a] * before[a] + joint_jacobian[3 + a, j] * after[a]
+        gradient[master[j]] += ratio[j] * (w * total)
     return w
 
 
@@ -89,23 +100,18 @@ def _det_adjugate(a: Array) -> tuple[float, Array]:
 
 @kernel
 def _shortfall_rows(
-    linear: Array,
-    angular: Array,
-    chains: IntArray,
-    fingers: IntArray,
-    size: int,
-    threshold: float,
-    band: float,
-    squared: bool,
-    error: Array,
-    jacobian: Array,
-    activation: Array,
-) -> None:
+    joint_jacobian: Array, position: Array, linear: Array, chains: IntArray, leads: BoolArray,
+    master: IntArray, ratio: Array, fingers: IntArray, size: int, threshold: float, band: float,
+    squared: bool, error: Array, jacobian: Array, activation: Array,
+) -> None:  # fmt: skip
     nv = linear.shape[2]
     for r in range(fingers.shape[0]):
         f = fingers[r]
         gradient = jacobian[r, :nv]
-        w = manipulability_gradient(linear[f], angular[f], chains[r], size, gradient)
+        w = manipulability_gradient(
+            joint_jacobian, position[f], linear[f], chains[f], leads[f], master, ratio, size,
+            gradient,
+        )  # fmt: skip
         shortfall = threshold - w
         if shortfall <= 0.0:
             gradient[:] = 0.0
@@ -129,14 +135,12 @@ class Manipulability(Task):
 
     Attributes:
         fingers: (m,) fingers of the grasp.
-        chains: (m, L) the joints of each finger's chain from the root, padded with -1.
         threshold: w̄.
         band: width of the fade, in the units of w.
         planar: position Jacobian of two rows instead of three.
     """
 
     fingers: IntArray
-    chains: IntArray
     threshold: float
     band: float
     planar: bool
@@ -153,24 +157,10 @@ class Manipulability(Task):
     def frames_used(self) -> tuple[int, ...]:
         return tuple(int(f) for f in self.fingers)
 
-    def check(self, kin: ExtendedKinematics) -> None:
-        super().check(kin)
-        if self.chains.size and not self.chains.max() < kin.robot.model.nv:
-            raise SetupError(f"task '{self.name}': chains name a joint the robot does not have")
-
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
+        robot = kin.robot
         _shortfall_rows(
-            kin.robot.linear, kin.robot.angular, self.chains, self.fingers,
-            2 if self.planar else 3, self.threshold, self.band, self.squared,
-            out.error, out.jacobian, out.activation,
+            robot.joint_jacobian, robot.position, robot.linear, robot.chains, robot.leads,
+            robot.model.master, robot.model.ratio, self.fingers, 2 if self.planar else 3,
+            self.threshold, self.band, self.squared, out.error, out.jacobian, out.activation,
         )  # fmt: skip
-
-
-def finger_chains(kin_support: Array) -> IntArray:
-    """Joints that move each tip, from the root, padded with -1, from 0/1 support rows (m, nv)."""
-    width = int(kin_support.sum(axis=1).max(initial=0))
-    chains = np.full((kin_support.shape[0], width), -1, dtype=np.int64)
-    for row, support in enumerate(kin_support):
-        joints = np.flatnonzero(support)
-        chains[row, : len(joints)] = joints
-    return chains

@@ -48,7 +48,7 @@ def robot_scene(
         title=title,
         shapes=shapes,
         object=body,
-        body_names=model.joint_names,
+        body_names=model.full_names,
         contact_names=grasp.fingers,
         task_names=task_names,
         phase_names=phase_names,
@@ -136,7 +136,7 @@ def _camera(
     data, points = model.pin_model.createData(), []
     own = [s for s in shapes if s.body is not None] or list(shapes)
     for q, position in places:
-        poses = dict(zip(model.joint_names, _placements(model, data, q), strict=True))
+        poses = dict(zip(model.full_names, _placements(model, data, q), strict=True))
         for shape in own:
             pose = shape.placement if shape.body is None else poses[shape.body] @ shape.placement
             points.append(pose[:3, 3])
@@ -156,10 +156,10 @@ def _camera(
 
 
 def _placements(model: RobotModel, data: Any, q: Array) -> Array:
-    """(nv, 4, 4) poses of the joints' bodies in the world."""
-    pin.forwardKinematics(model.pin_model, data, np.asarray(q, dtype=np.float64))
-    out = np.zeros((model.nv, 4, 4))
-    for j in range(model.nv):
+    """(n_full, 4, 4) poses of the bodies of all joints in the world, at q (nv,)."""
+    pin.forwardKinematics(model.pin_model, data, model.full(q))
+    out = np.zeros((model.n_full, 4, 4))
+    for j in range(model.n_full):
         placement = data.oMi[j + 1]
         out[j, :3, :3], out[j, :3, 3], out[j, 3, 3] = placement.rotation, placement.translation, 1.0
     return out
