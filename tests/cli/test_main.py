@@ -28,7 +28,9 @@ def test_help_names_every_command(capsys):
         main(["--help"])
     assert stop.value.code == 0
     told = capsys.readouterr().out
-    assert all(name in told for name in ("run", "check", "view", "plot", "list", "schema"))
+    assert all(
+        name in told for name in ("run", "check", "view", "plot", "assemble", "list", "schema")
+    )
 
 
 def test_version_names_pin(capsys):

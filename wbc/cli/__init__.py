@@ -79,6 +79,7 @@ def parser() -> argparse.ArgumentParser:
     _add_check(commands)
     _add_view(commands)
     _add_plot(commands)
+    _add_assemble(commands)
     for name, text in (
         ("list", "list the scenarios and robots that travel with wbc"),
         ("schema", "print the JSON Schema of scenario files, for editors"),
@@ -130,6 +131,14 @@ def _add_plot(commands: Any) -> None:
     plot.add_argument("run", metavar="DIR", help="folder of a run, or its log.npz")
     plot.add_argument("--out", metavar="DIR2", help="folder of the pictures (default: DIR/plots)")
     plot.set_defaults(command=_later("wbc.cli.replay", "plot_command"))
+
+
+def _add_assemble(commands: Any) -> None:
+    text = "make one URDF of several, e.g. a hand on an arm"
+    assemble = commands.add_parser("assemble", help=text, description=text)
+    assemble.add_argument("parts", metavar="PARTS.yaml", help="the parts and where each goes")
+    assemble.add_argument("out", metavar="OUT.urdf", help="the file to write")
+    assemble.set_defaults(command=_later("wbc.cli.assemble", "assemble_command"))
 
 
 def _add_settings(command: argparse.ArgumentParser) -> None:

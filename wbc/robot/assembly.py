@@ -57,6 +57,10 @@ class Part:
     xyz: Vector = (0.0, 0.0, 0.0)
     rpy: Vector = (0.0, 0.0, 0.0)
 
+    def __str__(self) -> str:
+        """How faults name the part."""
+        return f"{self.urdf} as '{self.prefix}'" if self.prefix else str(self.urdf)
+
 
 def assemble(name: str, parts: Sequence[Part]) -> str:
     """The text of the URDF `name` made of `parts`, each fixed to a link of an earlier one.
@@ -108,16 +112,16 @@ def _misplaced(part: Part, number: int, links: Sequence[str]) -> list[str]:
     """What is wrong with where a part goes."""
     faults = []
     if number == 0 and part.parent:
-        faults.append(f"{part.urdf}: the first part has no parent, but '{part.parent}' is named")
+        faults.append(f"{part}: the first part has no parent, but '{part.parent}' is named")
     elif number > 0 and not part.parent:
-        faults.append(f"{part.urdf}: no parent: name the link of an earlier part that carries it")
+        faults.append(f"{part}: no parent: name the link of an earlier part that carries it")
     elif number > 0 and part.parent not in links:
         hint = did_you_mean(part.parent, links)
-        faults.append(f"{part.urdf}: unknown parent link '{part.parent}'{hint}")
+        faults.append(f"{part}: unknown parent link '{part.parent}'{hint}")
     if not all(math.isfinite(x) for x in (*part.xyz, *part.rpy)):
-        faults.append(f"{part.urdf}: xyz and rpy must be finite numbers")
+        faults.append(f"{part}: xyz and rpy must be finite numbers")
     if part.prefix != "".join(part.prefix.split()) or not part.prefix.isprintable():
-        faults.append(f"{part.urdf}: the prefix '{part.prefix!r}' has white space in it")
+        faults.append(f"{part}: the prefix has white space or control characters in it")
     return faults
 
 
@@ -132,7 +136,7 @@ def _resolve_meshes(robot: etree._Element, part: Part) -> list[str]:
         if file.is_file():
             mesh.set("filename", str(file))
         else:
-            faults.append(f"{part.urdf}: the mesh '{name}' is not there; looked for {file}")
+            faults.append(f"{part}: the mesh '{name}' is not there; looked for {file}")
     return faults
 
 
@@ -169,8 +173,8 @@ def _claim(element: etree._Element, part: Part, taken: dict[tuple[str, str], str
         return []
     if (kind, name) in taken:
         other = taken[kind, name]
-        return [f"{part.urdf}: {kind} '{name}' is already in {other}; give the part a prefix"]
-    taken[kind, name] = str(part.urdf)
+        return [f"{part}: {kind} '{name}' is already in {other}; give the part a prefix"]
+    taken[kind, name] = str(part)
     return []
 
 
