@@ -15,6 +15,10 @@ import pytest
 from lxml import etree
 
 from wbc import resources
+from wbc.robot.collision_scene import with_object
+from wbc.robot.kinematics import Kinematics
+from wbc.robot.model import load_robot
+from wbc.robot.pruning import prune
 from wbc.robot.srdf import disabled_pairs
 from wbc.robot.urdf import load_urdf_text
 from wbc.scenario.located import read_text
@@ -127,6 +131,29 @@ def test_an_independent_reader_finds_every_frame_at_the_same_place(name: str) ->
             np.testing.assert_allclose(
                 other.get_transform(link), pose.homogeneous, atol=1e-9, err_msg=link
             )
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_our_model_agrees_with_pinocchios_coupled_one(name: str) -> None:
+    ours, judge = load_robot(resources.find("urdf", name)), _model(name)
+    assert list(ours.joint_names) == _independent(judge)
+    frames = tuple(_poses(judge, pin.neutral(judge)))
+    kin = Kinematics(ours, frames)
+    for seed in range(10):
+        q = _draw(judge, seed)
+        kin.update(q)
+        for k, pose in enumerate(_poses(judge, q).values()):
+            np.testing.assert_allclose(kin.position[k], pose.translation, atol=1e-12)
+            np.testing.assert_allclose(kin.rotation[k], pose.rotation, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_followers_leave_their_leaders_the_whole_range(name: str) -> None:
+    """A range of a follower that is narrower than its leader's would cut the leader's."""
+    ours, judge = load_robot(resources.find("urdf", name)), _model(name)
+    np.testing.assert_allclose(ours.lower, judge.lowerPositionLimit, atol=1e-11)
+    np.testing.assert_allclose(ours.upper, judge.upperPositionLimit, atol=1e-11)
+    np.testing.assert_allclose(ours.velocity, judge.velocityLimit, rtol=1e-11)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -303,6 +330,15 @@ def test_at_rest_nothing_that_is_watched_touches() -> None:
     distances = _distances(_model("dual_arm"), geometry, rest())
     nearest = geometry.collisionPairs[int(distances.argmin())]
     assert distances.min() > 0.005, (names[nearest.first], names[nearest.second])
+
+
+def test_every_pair_that_overlaps_always_is_named() -> None:
+    """What the samples would have to find is said in the SRDF, with its reason."""
+    path = resources.find("urdf", "dual_arm")
+    model, off = load_robot(path), disabled_pairs(path.with_suffix(".srdf"))
+    report = prune(model, with_object(model, ())[0], margin=0.05, disabled=off)
+    assert report.always == ()
+    assert set(off) <= {(min(p), max(p)) for p in report.disabled}
 
 
 def test_pairs_are_unwatched_for_the_reason_given() -> None:
