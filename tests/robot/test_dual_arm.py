@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from lxml import etree
+from scipy.optimize import least_squares
 
 from wbc import resources
 from wbc.robot.collision_scene import with_object
@@ -265,6 +266,34 @@ def test_palm_and_tip_frames(side: str) -> None:
         tip = poses[f"{side}_{finger}_dist_link"].inverse() * poses[f"{side}_{finger}_tip"]
         length = FIGURES["hand"]["fingers"][finger]["lengths"][3]
         assert tip.isApprox(pin.SE3(np.eye(3), np.array([length, 0.0, 0.0])), 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("place", "inward"),
+    [((0.62, 0.15, 0.60), 0.0), ((0.68, 0.20, 0.55), 0.0), ((0.65, 0.20, 0.55), 30.0)],
+    ids=["hand over", "bottle", "turned inward"],
+)
+def test_both_palms_reach_in_front(place: tuple[float, float, float], inward: float) -> None:
+    """Palms facing each other, within 97 % of the arms' ranges; the torso stays at rest."""
+    model = _model("dual_arm")
+    data, names = model.createData(), _independent(model)
+    for side, sign in (("right", -1.0), ("left", 1.0)):
+        arm = [names.index(f"{side}_arm_{k}") for k in range(1, 8)]
+        # thumbs up, which is the right palm's y and against the left one's
+        upright = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -sign], [0.0, sign, 0.0]]).T
+        turned = pin.utils.rotate("z", -sign * np.radians(inward)) @ upright
+        goal = pin.SE3(turned, np.array(place) * (1.0, sign, 1.0))
+        frame = model.getFrameId(f"{side}_palm")
+
+        def miss(angles: np.ndarray, arm=arm, goal=goal, frame=frame) -> np.ndarray:
+            q = rest()
+            q[arm] = angles
+            pin.framesForwardKinematics(model, data, q)
+            return np.asarray(pin.log6(goal.actInv(data.oMf[frame])).vector)
+
+        limits = 0.97 * model.lowerPositionLimit[arm], 0.97 * model.upperPositionLimit[arm]
+        found = least_squares(miss, rest()[arm], bounds=limits, xtol=1e-14, ftol=1e-14, gtol=1e-14)
+        assert np.abs(found.fun).max() < 1e-6, side
 
 
 def _capsules(link: str) -> list[tuple[np.ndarray, np.ndarray, float]]:

@@ -96,7 +96,7 @@ def assemble(name: str, parts: Sequence[Part]) -> str:
 def _parser() -> etree.XMLParser:
     return etree.XMLParser(
         resolve_entities=False, no_network=True, load_dtd=False,
-        remove_comments=True, remove_pis=True, remove_blank_text=True,
+        remove_comments=True, remove_pis=True, remove_blank_text=True, encoding="utf-8",
     )  # fmt: skip
 
 
