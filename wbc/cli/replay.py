@@ -13,7 +13,6 @@ from typing import final
 
 import numpy as np
 
-from wbc import resources
 from wbc.cli.session import LOG, ROBOT
 from wbc.contact.grasp import Grasp
 from wbc.errors import WbcError
@@ -21,6 +20,7 @@ from wbc.recording import Log
 from wbc.robot.model import RobotModel, load_robot
 from wbc.scenario import Scenario, load
 from wbc.scenario.build import build_grasp
+from wbc.scenario.places import robot_file
 from wbc.view import LiveView, Scene, Snapshot, replay
 from wbc.view.from_robot import SnapshotMaker, event_text, robot_scene
 
@@ -153,21 +153,11 @@ def _scenario(log: Log) -> Scenario:
 
 def _robot(folder: Path, log: Log, scenario: Scenario) -> RobotModel:
     """The robot as it was run: the copy kept beside the log, else the one the scenario names."""
-    kept, original = folder / ROBOT, _original(log, scenario)
-    path = original if original is not None else kept
-    if kept.is_file() and path.read_bytes() != kept.read_bytes():
-        path = kept  # the robot was changed since; while it was not, its meshes are found beside it
+    kept = folder / ROBOT
     try:
-        return load_robot(path)
-    except ValueError as error:
-        raise WbcError(f"{path}: {str(error).splitlines()[0]}") from None
-
-
-def _original(log: Log, scenario: Scenario) -> Path | None:
-    """The URDF that the scenario named, if it is still there."""
-    name = scenario.robot.urdf
-    beside = Path(log.meta.source).parent / name
-    for candidate in (beside, beside.with_name(beside.name + ".urdf")):
-        if candidate.is_file():
-            return candidate
-    return resources.find("urdf", name) if name in resources.names("urdf") else None
+        original = load_robot(robot_file(scenario.robot.urdf, Path(log.meta.source).parent))
+    except WbcError:
+        return load_robot(kept)
+    if kept.is_file() and original.text.encode() != kept.read_bytes():
+        return load_robot(kept)  # changed since; while it was not, its meshes are found beside it
+    return original

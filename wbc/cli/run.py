@@ -205,7 +205,7 @@ def _written(folder: Path, log: Log, summary: dict[str, Any], assembly: Assembly
     """Whether every file of the run could be written; each that could not is told."""
     texts = {
         SCENARIO: log.meta.scenario_text.encode("utf-8"),
-        ROBOT: assembly.model.path.read_bytes(),
+        ROBOT: assembly.model.text.encode(),
     }
     good = True
     for name in (LOG, SUMMARY, *texts):

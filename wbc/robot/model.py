@@ -11,6 +11,8 @@ import pinocchio as pin
 
 from wbc.arrays import Array, IntArray, read_only
 from wbc.errors import UnknownNameError, UrdfError, WbcError, follower_refusal
+from wbc.robot.prepare import prepared
+from wbc.robot.rounding import rounded
 from wbc.robot.urdf import read_urdf
 from wbc.robot.urdf_joint import Limits
 from wbc.robot.urdf_mimic import Coupling
@@ -38,9 +40,10 @@ class RobotModel:
     way. What is of all joints, n_full of them, is in Pinocchio's order, joint k + 1 of its own.
 
     Attributes:
-        path: the URDF.
+        path: the URDF, or the file of parts that it is made of.
+        text: the URDF itself, as checked.
         pin_model: the Pinocchio model of all joints; never changed after loading.
-        geometry: collision shapes (pin.GeometryModel).
+        geometry: collision shapes, all convex (pin.GeometryModel).
         joint_names: independent joints in the order of q and v, which is Pinocchio's.
         lower, upper: position limits, shape (nv,), [rad] or [m]; where other joints follow one,
             such that these keep theirs.
@@ -55,6 +58,7 @@ class RobotModel:
     """
 
     path: Path
+    text: str
     pin_model: Any
     geometry: Any
     joint_names: tuple[str, ...]
@@ -141,26 +145,23 @@ class RobotModel:
         return mask
 
 
-def load_robot(path: Path) -> RobotModel:
+def load_robot(path: Path, *, text: str | None = None, capsules: bool = True) -> RobotModel:
     """Load a URDF that passes the strict check; ``<mimic>`` couples joints exactly.
 
+    Args:
+        path: the file. Meshes are looked for as `wbc.robot.packages` says.
+        text: the URDF, where `path` only says what it was made of.
+        capsules: take capsules for the collision shapes that they fit, see `wbc.robot.rounding`.
+
     Raises:
-        UrdfError: every fault of the file, one line each; or a joint this stack does not drive.
+        UrdfError: every fault of the file, one line each; or a mesh that is not found.
     """
-    found = read_urdf(path)
+    found = read_urdf(path, text)
+    # from the checked text, not the file: what was checked is what is loaded
+    ready = prepared(found.text, path)
     # every joint is one of its own to Pinocchio: its mimic joints cannot have a master further out,
     # and several of its algorithms are wrong or refuse them
-    model = pin.buildModelFromXML(found.text)
-    for j in range(1, model.njoints):
-        if model.joints[j].nq != 1:
-            raise UrdfError(
-                f"{path}: joint '{model.names[j]}' is continuous; "
-                "give it limits and make it revolute"
-            )
-    # from the checked text, not the file: what was checked is what is loaded
-    geometry = pin.buildGeomFromUrdfString(
-        model, found.text, pin.GeometryType.COLLISION, package_dirs=[str(path.parent)]
-    )
+    model = pin.buildModelFromXML(ready)
     names = [str(name) for name in model.names][1:]
     free = [name for name in names if name not in found.couplings]
     own = np.array([names.index(name) for name in free], dtype=np.int64)
@@ -179,8 +180,9 @@ def load_robot(path: Path) -> RobotModel:
     ]
     return RobotModel(
         path=path,
+        text=found.text,
         pin_model=model,
-        geometry=geometry,
+        geometry=rounded(_collision_shapes(model, ready, path), capsules=capsules),
         joint_names=tuple(free),
         lower=read_only([x.lower for x in limits]),
         upper=read_only([x.upper for x in limits]),
@@ -194,6 +196,14 @@ def load_robot(path: Path) -> RobotModel:
     )
 
 
+def _collision_shapes(model: Any, text: str, path: Path) -> Any:
+    try:
+        return pin.buildGeomFromUrdfString(model, text, pin.GeometryType.COLLISION)
+    except (ValueError, RuntimeError) as error:
+        reason = (str(error).splitlines() or ["unknown"])[-1]
+        raise UrdfError(f"{path}: a collision mesh cannot be read: {reason}") from None
+
+
 def _is_planar(model: Any) -> bool:
     """Whether no joint moves anything out of the world's xy-plane.
 
@@ -202,5 +212,6 @@ def _is_planar(model: Any) -> bool:
     """
     data = model.createData()
     jacobian = pin.computeJointJacobians(model, data, pin.neutral(model))
-    out_of_plane = jacobian[[2, 3, 4], :]
+    # of a single joint Pinocchio returns a vector
+    out_of_plane = np.reshape(jacobian, (6, model.nv))[[2, 3, 4], :]
     return model.nv > 0 and bool(np.all(np.abs(out_of_plane) < 1e-12))

@@ -175,13 +175,16 @@ def shown(value: str, most: int = 60) -> str:
     return flat if len(flat) <= most else flat[:most] + "..."
 
 
-def read(path: Path, root: str) -> tuple[str, Node]:
+def read(path: Path, root: str, text: str | None = None) -> tuple[str, Node]:
     """The text of the file and its root element, which must be called `root`.
+
+    Args:
+        text: read instead of what is in the file, which then only gives its name.
 
     Raises:
         UrdfError: not a readable, well-formed UTF-8 file of reasonable size, or another root.
     """
-    text = _text(path)
+    text = _text(path) if text is None else text
     blanked = _blanked(text)
     _refuse_unsafe(path, blanked)
     parser = etree.XMLParser(

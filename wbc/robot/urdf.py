@@ -55,13 +55,16 @@ def load_urdf_text(path: Path) -> str:
     return read_urdf(path).text
 
 
-def read_urdf(path: Path) -> Description:
+def read_urdf(path: Path, text: str | None = None) -> Description:
     """The URDF at `path` and what couples its joints, after the check of `check_urdf`.
+
+    Args:
+        text: read instead of what is in the file, which then only gives its name.
 
     Raises:
         UrdfError: with all faults, one line each.
     """
-    text, robot = read(Path(path), "robot")
+    text, robot = read(Path(path), "robot", text)
     faults = Faults(path)
     found, limits = _check_robot(robot, faults)
     faults.raise_if_any()

@@ -13,6 +13,9 @@ from wbc.robot.strict_xml import Faults, Node, Scope, shown
 
 MOVING = ("revolute", "continuous", "prismatic")
 TYPES = (*MOVING, "fixed")
+TURNS = 1e3
+"""A continuous joint is taken as a revolute one of this range to both sides, [rad]: Pinocchio would
+give it two numbers, cosine and sine, and no joint turns this far in a run."""
 _UNSUPPORTED = ("floating", "planar")
 _PARTS = (
     "parent",
@@ -139,7 +142,7 @@ def _check_axis(node: Node, scope: Scope) -> None:
 
 
 def _check_limit(node: Node, type_: str | None, scope: Scope) -> Limits | None:
-    """The limits of a revolute or prismatic joint."""
+    """The limits of a moving joint."""
     bounded = type_ in ("revolute", "prismatic")
     limit = scope.only(node, "limit")
     if limit is None:
@@ -162,6 +165,8 @@ def _check_limit(node: Node, type_: str | None, scope: Scope) -> Limits | None:
         scope.fault(limit, f"effort {effort:g} is negative", "write its magnitude")
     if type_ in MOVING and velocity is not None and velocity <= 0:
         scope.fault(limit, f"velocity {velocity:g} is not positive", "write the largest speed")
+    if type_ == "continuous" and velocity is not None and velocity > 0:
+        return Limits(-TURNS, TURNS, velocity)
     if not bounded or lower is None or upper is None or velocity is None:
         return None
     return Limits(lower, upper, velocity) if lower <= upper and velocity > 0 else None

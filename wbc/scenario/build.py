@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc import resources
 from wbc.arrays import Array
 from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.contact.grasp import ContactMode, ContactState, Grasp, no_grasp
@@ -17,7 +16,7 @@ from wbc.control.law import CostForecast, Law
 from wbc.control.setup import close_grasp
 from wbc.control.state import ControllerState
 from wbc.control.task_stack import TaskStack
-from wbc.errors import ScenarioError, UrdfError, WbcError
+from wbc.errors import ScenarioError, WbcError
 from wbc.robot.distances import Distances
 from wbc.robot.kinematics import Kinematics
 from wbc.robot.model import RobotModel, load_robot
@@ -29,6 +28,7 @@ from wbc.scenario.build_tasks import build_tasks, tracked_frames
 from wbc.scenario.kinds import BoxSpec, ObjectPoseSpec, SuperellipsoidSpec, SurfaceSpec
 from wbc.scenario.load import Loaded
 from wbc.scenario.names import check_names
+from wbc.scenario.places import robot_file
 from wbc.scenario.schema import Scenario
 from wbc.stack.supervisor import Supervisor
 
@@ -135,17 +135,12 @@ def _assemble(loaded: Loaded, model: RobotModel) -> Assembly:
 
 
 def _robot(loaded: Loaded) -> RobotModel:
-    name = loaded.scenario.robot.urdf
-    beside = loaded.path.parent / name
-    for candidate in (beside, beside.with_name(beside.name + ".urdf")):
-        if candidate.is_file():
-            return load_robot(candidate)
+    robot = loaded.scenario.robot
     try:
-        return load_robot(resources.find("urdf", name))
-    except UrdfError:
-        raise
+        file = robot_file(robot.urdf, loaded.path.parent)
     except WbcError as error:
         raise ScenarioError(f"{loaded.locate(('robot', 'urdf'))}: {error}") from None
+    return load_robot(file, capsules=robot.collisions.shapes == "capsules")
 
 
 def _priority(scenario: Scenario) -> tuple[str | None, list[str]]:

@@ -18,6 +18,7 @@ from wbc.robot.collision_scene import (
     with_object,
 )
 from wbc.robot.model import RobotModel
+from wbc.robot.packages import locate
 from wbc.robot.pruning import PairReport, prune
 from wbc.robot.srdf import disabled_pairs
 from wbc.scenario.kinds import CollisionSpec, JointLimitsSpec, limit_of
@@ -42,7 +43,7 @@ def watched_pairs(
     off = set(scenario.robot.collisions.ignore)
     if scenario.robot.srdf is not None:
         links = {f.name for f in model.pin_model.frames}
-        off |= set(disabled_pairs(path.parent / scenario.robot.srdf, links))
+        off |= set(disabled_pairs(locate(scenario.robot.srdf, path.parent), links))
     names = [body_name(model, o) for o in geometry.geometryObjects]
     # a link that ends in a fingertip touches the object: that is what it is for
     tips = {
@@ -82,8 +83,9 @@ def build_costs(scenario: Scenario, model: RobotModel, scene: CollisionScene | N
     costs: list[Cost] = []
     for name, spec in scenario.costs.items():
         if isinstance(spec, JointLimitsSpec):
-            lower = _bounds(spec, model, "lower", model.lower)
-            upper = _bounds(spec, model, "upper", model.upper)
+            room = spec.margin * (model.upper - model.lower)
+            lower = _bounds(spec, model, "lower", model.lower + room)
+            upper = _bounds(spec, model, "upper", model.upper - room)
             if np.any(lower >= upper):
                 joint = model.joint_names[int(np.argmax(lower >= upper))]
                 raise ScenarioError(f"costs.{name}: lower must be below upper for joint '{joint}'")
@@ -104,7 +106,7 @@ def build_costs(scenario: Scenario, model: RobotModel, scene: CollisionScene | N
 
 
 def _bounds(spec: JointLimitsSpec, model: RobotModel, side: str, default: Array) -> Array:
-    """Soft bounds by joint; a joint not named has none inside its hard one."""
+    """Soft bounds by joint; `default` for a joint that is not named."""
     values = getattr(spec, side)
     return read_only(
         [

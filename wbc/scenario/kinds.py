@@ -310,8 +310,12 @@ class JointLimitsSpec(CostSpec):
     """Rises as a joint comes near a soft limit, which lies inside the URDF's."""
 
     type: Literal["joint_limits"]
-    lower: PerJoint
-    upper: PerJoint
+    lower: PerJoint = Field(default={})
+    upper: PerJoint = Field(default={})
+    margin: Annotated[float, Quantity("number", least=0.0, most=0.45)] = Field(
+        default=0.0,
+        description="of joints not in lower or upper: part of the range kept free at both ends",
+    )
     stiffness: PositiveNumber
     delta: PositiveNumber = Field(description="steepness [1/rad^2]")
 

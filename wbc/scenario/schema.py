@@ -50,13 +50,19 @@ class Collisions(Block):
         default=None, description="auto: all that can meet, fewer those of the SRDF"
     )
     ignore: Pairs = Field(default=(), description="pairs of links to leave out")
+    shapes: Literal["capsules", "exact"] = Field(
+        default="capsules",
+        description="capsules about bodies where they fit; exact: as in the URDF, meshes as hulls",
+    )
 
 
 @final
 class Robot(Block):
     """The robot, its fingers and where it starts."""
 
-    urdf: Text = Field(description="a name in urdf/, or a path beside this file")
+    urdf: Text = Field(
+        description="a name in urdf/, a path beside this file, or package://NAME/..."
+    )
     srdf: Text | None = None
     fingers: Mapping[str, Text] = Field(default={}, description="finger: frame of its tip")
     start: Mapping[str, JointValue] = Field(

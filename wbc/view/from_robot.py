@@ -13,7 +13,7 @@ from wbc.contact.grasp import Grasp
 from wbc.contact.surfaces import Surface
 from wbc.control.state import TickRecord
 from wbc.robot.model import RobotModel
-from wbc.robot.urdf import load_urdf_text
+from wbc.robot.prepare import prepared
 from wbc.rotations import quaternion
 from wbc.stack.supervisor import StackEvent
 from wbc.view.scene import Kind, ObjectShape, Rgba, Scene, SceneShape, Snapshot
@@ -63,8 +63,7 @@ def robot_shapes(model: RobotModel) -> tuple[SceneShape, ...]:
     geometry = model.geometry
     try:
         visual = pin.buildGeomFromUrdfString(
-            model.pin_model, load_urdf_text(model.path), pin.GeometryType.VISUAL,
-            package_dirs=[str(model.path.parent)],
+            model.pin_model, prepared(model.text, model.path), pin.GeometryType.VISUAL
         )  # fmt: skip
         geometry = visual if len(visual.geometryObjects) else geometry
     except (ValueError, RuntimeError):

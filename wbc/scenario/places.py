@@ -1,0 +1,34 @@
+"""Where the robot is that a file names: beside it, with wbc, or in a package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from wbc import resources
+from wbc.robot.packages import locate
+
+_ENDINGS: Final = ("", ".urdf")
+
+
+def robot_file(name: str, folder: Path) -> Path:
+    """The file of the robot `name`.
+
+    Args:
+        name: a path from `folder`, an absolute one, ``package://NAME/...`` as in
+            `wbc.robot.packages`, or the name of a robot that travels with wbc.
+        folder: where the file lies that names it.
+
+    Raises:
+        WbcError: there is none; one line.
+    """
+    if "://" in name:
+        return locate(name, folder)
+    path = Path(name).expanduser()
+    bare = path.name == name
+    for place in (folder, resources.folder("urdf")) if bare else (folder,):
+        for ending in _ENDINGS:
+            candidate = place / path.with_name(path.name + ending) if path.name else place / path
+            if candidate.is_file():
+                return candidate
+    return resources.find("urdf", name) if bare else locate(name, folder)
