@@ -24,6 +24,7 @@ import numpy as np
 import pinocchio as pin
 
 import wbc.compiled
+from wbc.control.limiting import guarded, solved
 from wbc.control.observe import observe
 from wbc.scenario import load
 from wbc.scenario.build import Assembly, build
@@ -51,7 +52,8 @@ def pieces(euler: Assembly, rk4: Assembly, state) -> dict[str, Callable[[], obje
     targets = state.targets[: len(state.targets) - kin.grasp.count] + controller._tip_targets
     active = controller._active(state)
     levels = controller._levels(state.activation)
-    motion = law.solve(state.level_order, levels)
+    here = guarded(state.q, contact, kin.grasp, controller.settings.bounds)
+    motion, locks = solved(law, state.level_order, levels, here, controller.settings.dt)
 
     def floor() -> None:
         pin.computeJointJacobians(robot, data, q)
@@ -77,7 +79,7 @@ def pieces(euler: Assembly, rk4: Assembly, state) -> dict[str, Callable[[], obje
         "  costs and distances": costs,
         "  prioritized solve": lambda: law.solve(state.level_order, levels),
         "  supervisor": lambda: controller._supervised(t, state, motion),
-        "  limit filter": lambda: controller._limited(state, motion, None),
+        "  limit filter": lambda: controller._limited(state, motion, here, locks, (1.0, 1.0), None),
         "  record (distances anew, and the smallest)": sight,
     }
 

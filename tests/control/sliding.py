@@ -68,6 +68,8 @@ def assemble(
     start = body.point(np.array(at), index)
     normal = body.level_gradient(start * (1.0 + 1e-9))
     place = kin.position[0] - start - REACH * normal
+    units = ["rad" if "poles" in face or face == "side" else "m",
+             "rad" if "poles" in face else "m"]  # fmt: skip
     scenario = {
         "name": "slide",
         "robot": {
@@ -77,8 +79,7 @@ def assemble(
         },
         "object": {"surface": surface, "pose": {"position": place.tolist()}},
         "contacts": {"a": {
-            "at": [float(at[0]) if "poles" not in face and face != "side" else f"{at[0]} rad",
-                   f"{at[1]} rad" if "poles" in face else float(at[1])],
+            "at": [f"{x} {unit}" for x, unit in zip(at, units, strict=True)],
             "face": face, "rest_length": REACH,
         }},
         "tasks": {

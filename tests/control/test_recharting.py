@@ -46,3 +46,9 @@ def test_it_moves_as_in_a_chart_that_needs_no_change(tmp_path: Path) -> None:
     difference = np.abs(changing.states[-1].q - staying.states[-1].q).max()
     assert difference < 1e-9, difference
     np.testing.assert_allclose(changing.points[-1], staying.points[-1], rtol=0.0, atol=1e-9)
+
+
+def test_a_start_at_a_pole_is_taken_in_another_chart(tmp_path: Path) -> None:
+    start = assemble(tmp_path, SPHERE, [0.3, 0.5 * np.pi], "poles_x", GOAL).start
+    assert start.contact.face[0] != 1
+    assert np.abs(start.contact.xi[0, 1]) < np.radians(55.0)

@@ -93,11 +93,17 @@ def test_tight_velocities() -> None:
     assert run.object_error.max() < 1e-6
 
 
-@pytest.mark.xfail(reason="stages of Runge-Kutta kept to the velocity limits do not say so yet")
 def test_tight_velocities_are_reported() -> None:
     run = simulate(overrides={"limits.velocity_scale": 0.05}, ticks=400)
     at_limit = (np.abs(run.v) >= 0.05 * 6.0 - 1e-9).any(axis=1)
     assert at_limit.any() and flags(run, Status.SCALED)[at_limit].all()
+
+
+def test_slower_than_a_tick_of_braking_is_not_stuck() -> None:
+    run = simulate(overrides={"limits.velocity_scale": 0.02}, ticks=600)
+    check_laws(run)
+    assert np.abs(run.v).max() <= 0.02 * 6.0 + 1e-9
+    assert Status.NEAR_SINGULAR not in run.status and Status.SCALED in run.status
 
 
 @pytest.mark.parametrize(

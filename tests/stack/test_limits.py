@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from stack.joints import DEMANDS, Joints, demand, joints, some_joints, somewhere
 from stack.problems import directions, seeded
-from wbc.stack.limits import NOT_LIMITED, Limited
+from wbc.stack.limits import NOT_LIMITED, Limited, stuck
 
 TICKS = 500
 
@@ -247,3 +247,18 @@ def test_nothing_but_the_command_is_written():
     limits.command(q, last, main, total)
     for x, copy in zip((main, total, last, q), copies, strict=True):
         np.testing.assert_array_equal(x, copy)
+
+
+def test_a_small_velocity_limit_is_not_a_position_limit():
+    """Slower than one tick's braking and far from its limits: a joint is not stuck for that."""
+    position, wide, one = np.zeros(2), np.full(2, np.inf), np.ones(2)
+    for velocity, fixed in ((1e-3, False), (0.0, True)):
+        free = one.copy()
+        found = stuck(position, 5.0 * one, -one, one, velocity * one, 60.0 * one, 2e-3, free)
+        assert found == fixed and (free == float(not fixed)).all()
+    for room, fixed in ((2e-4, True), (0.0, True), (3e-4, False)):
+        free = one.copy()
+        limits = np.array([room, np.inf])
+        found = stuck(position, 5.0 * one, -limits, limits, 1e-3 * one, 60.0 * one, 2e-3, free)
+        assert found == fixed and free.tolist() == [float(not fixed), 1.0]
+    assert not stuck(position, one, -wide, wide, one, wide, 2e-3, one.copy())

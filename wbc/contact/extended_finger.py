@@ -15,7 +15,8 @@ itself, for the printed law, the classification and the tests.
 
 from __future__ import annotations
 
-from typing import final
+from collections.abc import Sequence
+from typing import NamedTuple, final
 
 import numpy as np
 
@@ -214,6 +215,20 @@ def _contacts(
     return holding, count
 
 
+class HeldEdge(NamedTuple):
+    """A sliding contact that is not to go over the edge of its face.
+
+    Attributes:
+        finger: index in the grasp.
+        direction: (2,) unit vector of ξ across the edge.
+        rate: of ξ along it, in the unit of ξ per second; 0 at the edge.
+    """
+
+    finger: int
+    direction: Array
+    rate: float
+
+
 @final
 class ExtendedKinematics:
     """Everything of one tick: the robot's kinematics and the contacts'. A token, like `Kinematics`.
@@ -257,7 +272,7 @@ class ExtendedKinematics:
         self.object_rotation: Array = np.eye(3)
         self.rows: Array = np.zeros((3 * n, nv))
         self.rhs: Array = np.zeros(3 * n)
-        self.row_count = 0
+        self.row_count = self._contact_rows = 0
         self.holding = 0
         self.xi_jacobian: Array = np.zeros((n, 2, nv))
         self.xi_drift: Array = np.zeros((n, 2))
@@ -273,14 +288,28 @@ class ExtendedKinematics:
         self.state, self.reference = state, reference
         self.robot.update(q)
         self.grasp.surface.evaluate(state.xi, state.face, self.charts)
-        self.holding, self.row_count = _contacts(
+        self.holding, self._contact_rows = _contacts(
             state.mode, self.grasp.planar, self.gain, self.charts, state.pivot, reference.reach,
             reference.reach_rate, self._tip, self._tip_rotation, self._linear,
             reference.position, reference.rotation, reference.twist, self.frame, self.normal_xi,
             self.spin, self.position, self.rotation, self.object_position, self.object_rotation,
             self.error, self.twist_cmd, self.rows, self.rhs, self.xi_jacobian, self.xi_drift,
         )  # fmt: skip
+        self.row_count = self._contact_rows
         return self
+
+    def hold(self, edges: Sequence[HeldEdge]) -> None:
+        """Make ξ̇ across these edges part of the main task, and across no other.
+
+        With ξ̇ = X q̇ + x: d·X q̇ = rate − d·x. A finger held in both directions has the three rows of
+        a fixed one.
+        """
+        row = self._contact_rows
+        for finger, direction, rate in edges:
+            self.rows[row] = direction @ self.xi_jacobian[finger]
+            self.rhs[row] = rate - direction @ self.xi_drift[finger]
+            row += 1
+        self.row_count = row
 
     def extend(self, main: Array, rest: Array) -> tuple[Array, Array]:
         """Velocities of q̃ that go with joint velocities: (nv + 5N,) q̇, ξ̇ (N, 2), θ̇ (N, 3).

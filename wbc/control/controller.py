@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import final
 
 import numpy as np
 
 from wbc.arrays import Array, BoolArray
-from wbc.contact.grasp import ContactMode, ContactState
+from wbc.contact.grasp import ContactMode, ContactState, ObjectReference
 from wbc.contact.recharting import recharted
 from wbc.control import checks
 from wbc.control.integrator import runge_kutta
-from wbc.control.law import CostForecast, Law, Motion, Sight, moved
-from wbc.control.limiting import keeping_the_main_task
+from wbc.control.law import CostForecast, Law, Locks, Motion, Sight, moved
+from wbc.control.limiting import Guarded, finite, guarded, solved, within_limits
 from wbc.control.observe import Seen, observe
 from wbc.control.phases import PhaseSequence
 from wbc.control.references import References
@@ -23,7 +24,7 @@ from wbc.control.state import ControllerState, Measurement, PhaseState, Status, 
 from wbc.control.supervision import TickForecast
 from wbc.errors import SetupError, UnknownNameError
 from wbc.stack import activation as gains
-from wbc.stack.limits import NOT_LIMITED, Limited, filtered, stuck
+from wbc.stack.limits import NOT_LIMITED, Bounds, Limited
 from wbc.stack.supervisor import StackEvent, StackState, Supervisor
 
 _NEAR_SINGULAR = 1e-3  # the share below which `solve_main` damps its inverse
@@ -47,6 +48,11 @@ class Settings:
     upper: Array
     velocity: Array
     acceleration: Array
+
+    @cached_property
+    def bounds(self) -> Bounds:
+        """The limits as the filter takes them."""
+        return Bounds(self.lower, self.upper, self.velocity, self.acceleration, self.acceleration)
 
 
 @final
@@ -89,15 +95,19 @@ class Controller:
         """One tick. Never raises on numbers: what gave way is in the record's status."""
         t, dt = state.tick * self.settings.dt, self.settings.dt
         state, seen = self._situation(t, state)  # phase, references, kinematics, tasks, costs
-        motion, free = self._solved(state)
+        here = guarded(state.q, state.contact, self.law.kin.grasp, self.settings.bounds)
+        motion, locks = solved(
+            self.law, state.level_order, self._levels(state.activation), here, dt
+        )
         sight = self.law.sight()
         stack, event, target = self._supervised(t, state, motion)  # who is in the stack
         gains_next = gains.advance(state.activation, target, self.settings.smoothing, dt)
+        shares = (1.0, 1.0)
         if self.settings.runge_kutta:  # three further evaluations inside the tick
-            motion = self._over_the_tick(t, state, motion, free, target, gains_next)
-        step, status, limited = self._limited(state, motion, measurement)  # limit filter
+            motion, shares = self._over_the_tick(t, state, motion, locks, target, gains_next)
+        step, status, limited = self._limited(state, motion, here, locks, shares, measurement)
         q, contact = moved(state.q, state.contact, step, dt)
-        v = step[: len(q)]
+        v = step[: len(q)]  # what the limit filter let pass
         record = self._record(t, state, seen, sight, v, stack, event, status, limited)
         return record, state._replace(
             tick=state.tick + 1, q=q, v=v, rates=step, contact=contact, activation=gains_next,
@@ -279,32 +289,15 @@ class Controller:
         stack, event = self.supervisor.decide(state.stack, t, order, forecast)
         return stack, event, target if event is None else self._targets(state, stack)
 
-    def _solved(self, state: ControllerState) -> tuple[Motion, Array | None]:
-        """The law at the state; joints that it would drive into a limit they stand at are locked.
-
-        Returns:
-            The motion, and (nv,) 0 for locked joints; None where none is.
-        """
-        s, levels = self.settings, self._levels(state.activation)
-        motion = self.law.solve(state.level_order, levels)
-        free = np.ones(len(state.q))
-        for _ in range(len(state.q)):  # the joints that are left may reach limits in turn
-            if not stuck(
-                state.q, motion.total, s.lower, s.upper, s.velocity, s.acceleration, s.dt, free
-            ):
-                break
-            motion = self.law.solve(state.level_order, levels, free)
-        return motion, None if free.all() else free
-
     def _over_the_tick(
-        self, t: float, state: ControllerState, motion: Motion, free: Array | None,
+        self, t: float, state: ControllerState, motion: Motion, locks: Locks,
         target: Array, gains_next: gains.Activation,
-    ) -> Motion:  # fmt: skip
+    ) -> tuple[Motion, tuple[float, float]]:  # fmt: skip
         active = self._active(state)
 
         def stage(q: Array, contact: ContactState, at: float, levels: Array) -> Motion:
             self._evaluate(at, q, contact, state, active)
-            return self.law.solve(state.level_order, levels, free)
+            return self.law.solve(state.level_order, levels, locks)
 
         dt, rate = self.settings.dt, self.settings.smoothing
         half = gains.advance(state.activation, target, rate, 0.5 * dt)
@@ -313,35 +306,34 @@ class Controller:
         return runge_kutta(motion, stage, state.q, state.contact, t, dt, levels, velocity)
 
     def _limited(
-        self, state: ControllerState, motion: Motion, measurement: Measurement | None
-    ) -> tuple[Array, Status, Limited]:
+        self, state: ControllerState, motion: Motion, here: Guarded, locks: Locks,
+        shares: tuple[float, float], measurement: Measurement | None,
+    ) -> tuple[Array, Status, Limited]:  # fmt: skip
         """The velocity of q̃ that goes out: within the limits, finite, whatever came in."""
-        s, nv = self.settings, len(state.q)
-        status = Status.OK
-        if measurement is not None and not _usable(measurement, nv):
+        dt, status = self.settings.dt, Status.OK
+        if measurement is not None and not _usable(measurement, len(state.q)):
             status |= Status.BAD_MEASUREMENT
-        if not math.isfinite(motion.total.sum() + motion.main.sum()):
+        if not finite(motion):
             status |= Status.BAD_COMMAND
         if status:
             nothing = np.zeros(len(motion.total))
             motion = Motion(nothing, nothing)
-        command, shares = filtered(
-            state.q, motion.main, motion.total, state.v, s.lower, s.upper, s.velocity,
-            s.acceleration, s.dt,
+
+        def later() -> ObjectReference:
+            return self._references.at((state.tick + 1) * dt, state.phase.motion)
+
+        step, limited = within_limits(
+            self.law, state.q, state.contact, state.rates, motion, here, locks,
+            None if status else later, dt,
         )  # fmt: skip
-        limited = Limited(*shares)
-        if limited == NOT_LIMITED:
-            return motion.total, status, limited
-        if status:  # it brakes, along the straight line to rest
-            step = (1.0 - limited.change) * state.rates
-            step[:nv] = command
-        else:
-            reference = self._references.at((state.tick + 1) * s.dt, state.phase.motion)
-            bounds = (s.lower, s.upper, s.velocity, s.acceleration)
-            step, limited = keeping_the_main_task(
-                self.law, state.q, state.contact, state.rates, motion, reference, bounds, s.dt
-            )
-        return step, status | (Status.CLIPPED if limited.clipped else Status.SCALED), limited
+        if not status:  # what the stages gave way counts too
+            main, secondary = min(limited.main, shares[0]), min(limited.secondary, shares[1])
+            limited = limited._replace(main=main, secondary=secondary)
+            if locks.edges:
+                status |= Status.AT_EDGE
+        if limited != NOT_LIMITED:
+            status |= Status.CLIPPED if limited.clipped else Status.SCALED
+        return step, status, limited
 
     def _record(
         self, t: float, state: ControllerState, seen: Seen, sight: Sight, v: Array,

@@ -34,7 +34,7 @@ def runge_kutta(
     dt: float,
     gains: Sequence[Array],
     velocity: Array,
-) -> Motion:
+) -> tuple[Motion, tuple[float, float]]:
     """Mean velocity of q̃ over [t, t + dt] to fourth order.
 
     Args:
@@ -42,8 +42,12 @@ def runge_kutta(
         gains: gains of the levels at t + dt/2 and at t + dt.
         velocity: (nv,) limits of the joints; what a stage wants beyond them the filter will take
             off anyway, and the next stage is not evaluated where the robot cannot be.
+
+    Returns:
+        The mean, and the least shares of the main and of the secondary motion that the limits left
+        of any stage.
     """
-    motion = _reachable(first, velocity)
+    motion, least = _reachable(first, velocity)
     main, total = motion.main / 6.0, motion.total / 6.0
     pivots = len(q) + 2 * len(contact.mode)
     for share, weight, level_gains in (
@@ -53,18 +57,20 @@ def runge_kutta(
     ):
         step = motion.total * (share * dt)
         stage_q, stage_contact = moved(q, contact, motion.total, share * dt)
-        motion = _reachable(evaluate(stage_q, stage_contact, t + share * dt, level_gains), velocity)
+        wanted = evaluate(stage_q, stage_contact, t + share * dt, level_gains)
+        motion, shares = _reachable(wanted, velocity)
+        least = min(least[0], shares[0]), min(least[1], shares[1])
         _flatten_turns(step, motion.main, pivots)
         _flatten_turns(step, motion.total, pivots)
         main = main + weight * motion.main
         total = total + weight * motion.total
-    return Motion(main, total)
+    return Motion(main, total), least
 
 
-def _reachable(motion: Motion, velocity: Array) -> Motion:
-    """The motion less what no joint can do: of the secondary part first."""
+def _reachable(motion: Motion, velocity: Array) -> tuple[Motion, tuple[float, float]]:
+    """The motion less what no joint can do, of the secondary part first; the shares kept."""
     main, secondary = speed_shares(motion.main, motion.total, velocity)
     if main == 1.0 and secondary == 1.0:
-        return motion
+        return motion, (1.0, 1.0)
     kept = main * motion.main
-    return Motion(kept, kept + secondary * (motion.total - motion.main))
+    return Motion(kept, kept + secondary * (motion.total - motion.main)), (main, secondary)

@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import Array, IntArray
 from wbc.compiled import kernel
-from wbc.contact.extended_finger import ExtendedKinematics
+from wbc.contact.extended_finger import ExtendedKinematics, HeldEdge
 from wbc.contact.grasp import ContactState, ObjectReference
 from wbc.control.printed_law import PrintedLaw
 from wbc.control.task_stack import TaskStack
@@ -44,6 +44,21 @@ class Sight(NamedTuple):
 
     independence: float
     freedom: Array
+
+
+class Locks(NamedTuple):
+    """What may not move in a tick.
+
+    Attributes:
+        joints: (nv,) 0 for joints that are to stand still, else 1; None: all may move.
+        edges: sliding contacts that come to the edge of their face.
+    """
+
+    joints: Array | None = None
+    edges: tuple[HeldEdge, ...] = ()
+
+
+UNLOCKED = Locks()
 
 
 @final
@@ -107,11 +122,10 @@ class Law:
         for cost in self.costs:
             self.cost += cost.weight * cost.add_gradient(kin.robot, self.distances, self.gradient)
 
-    def solve(self, order: IntArray, activation: Array, free: Array | None = None) -> Motion:
+    def solve(self, order: IntArray, activation: Array, locks: Locks = UNLOCKED) -> Motion:
         """The law with the given gains, (L,), at the configuration last evaluated.
 
-        Args:
-            free: (nv,) 0 for joints that are to stand still, else 1; all move where not given.
+        The published law knows no locks.
         """
         if self._printed is not None:
             descent = self.gradient_gain * self.gradient
@@ -120,8 +134,9 @@ class Law:
             return Motion(answer.main, answer.total)
         kin, stack = self.kin, self.stack
         jacobian, scale = stack.jacobian, stack.scale
-        if free is not None:
-            jacobian, scale = jacobian * free, scale * free
+        kin.hold(locks.edges)
+        if locks.joints is not None:
+            jacobian, scale = jacobian * locks.joints, scale * locks.joints
         self.rank, self.independence = solve_weighted(
             kin.rows[: kin.row_count], kin.rhs, jacobian, stack.rhs, stack.row_activation,
             stack.level_start, stack.level_size, stack.exact, order, activation, self.gradient,

@@ -31,6 +31,8 @@ class Status(IntFlag):
     """A phase did not reach its exit condition in time."""
     DONE = 64
     """Every phase has ended; the last references are held."""
+    AT_EDGE = 128
+    """A sliding contact was kept from going over the edge of its face."""
 
 
 class Measurement(NamedTuple):

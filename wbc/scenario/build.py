@@ -95,6 +95,7 @@ def build(loaded: Loaded) -> Assembly:
 def _assemble(loaded: Loaded, model: RobotModel) -> Assembly:
     scenario = loaded.scenario
     grasp = build_grasp(scenario, model)
+    _check_faces(loaded, grasp)
     frames = tracked_frames(scenario, grasp)
     com = any(spec.type == "center_of_mass" for spec in scenario.tasks.values())
     main, secondary = _priority(scenario)
@@ -183,6 +184,9 @@ def build_grasp(scenario: Scenario, model: RobotModel) -> Grasp:
             face[i] = (
                 surface.faces.index(contact.face) if isinstance(contact.face, str) else contact.face
             )
+        other = surface.rechart(at[i], int(face[i]))
+        if other is not None:
+            at[i], face[i] = other
     specs = [scenario.contacts[name] for name in fingers]
     return Grasp(
         surface=surface,
@@ -193,6 +197,19 @@ def build_grasp(scenario: Scenario, model: RobotModel) -> Grasp:
         rest_length=np.array([c.rest_length for c in specs], dtype=np.float64),
         planar=surface.planar,
     )
+
+
+def _check_faces(loaded: Loaded, grasp: Grasp) -> None:
+    """Refuse contact points beyond the edge of their face."""
+    surface = grasp.surface
+    for name, xi, face in zip(grasp.fingers, grasp.at, grasp.face, strict=True):
+        margin = surface.margin(xi, int(face))
+        if surface.edged and margin < 0.0:
+            place = loaded.locate(("contacts", name, "at"))
+            raise ScenarioError(
+                f"{place}: contacts.{name}.at: the contact point is {-1e3 * margin:.3g} mm beyond "
+                f"the edge of face '{surface.faces[face]}'"
+            )
 
 
 def place_object(kin: ExtendedKinematics, scenario: Scenario, controller: Controller) -> None:

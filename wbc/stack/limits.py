@@ -48,9 +48,26 @@ class Limited(NamedTuple):
 NOT_LIMITED = Limited(1.0, 1.0, 1.0, False, -1)
 
 
+class Bounds(NamedTuple):
+    """Limits of n coordinates.
+
+    Attributes:
+        lower, upper: (n,) of the position, -inf and inf where there are none.
+        velocity: (n,) may be inf.
+        acceleration: (n,) largest change of a velocity per time; may be inf.
+        braking: (n,) deceleration that a position limit is approached with; may be inf.
+    """
+
+    lower: Array
+    upper: Array
+    velocity: Array
+    acceleration: Array
+    braking: Array
+
+
 @kernel
 def velocity_bounds(
-    q: Array, lower: Array, upper: Array, velocity: Array, acceleration: Array, dt: float,
+    q: Array, lower: Array, upper: Array, velocity: Array, braking: Array, dt: float,
     low: Array, high: Array,
 ) -> None:  # fmt: skip
     """Velocities of the next tick that keep position and velocity limits now and by braking later.
@@ -60,13 +77,13 @@ def velocity_bounds(
     Args:
         q: (n,) positions.
         lower, upper, velocity: (n,) limits; positions may be unlimited, -inf and inf.
-        acceleration: (n,), inf where there is none.
+        braking: (n,) deceleration, inf where any will do.
         dt: the tick, [s].
         low, high: (n,) filled, low <= 0 <= high.
     """
     for j in range(q.shape[0]):
-        high[j] = min(velocity[j], _approach(upper[j] - q[j], acceleration[j], dt))
-        low[j] = -min(velocity[j], _approach(q[j] - lower[j], acceleration[j], dt))
+        high[j] = min(velocity[j], _approach(upper[j] - q[j], braking[j], dt))
+        low[j] = -min(velocity[j], _approach(q[j] - lower[j], braking[j], dt))
 
 
 @kernel
@@ -179,24 +196,26 @@ def limit_from(
 
 @kernel
 def stuck(
-    q: Array, v: Array, lower: Array, upper: Array, velocity: Array, acceleration: Array,
+    q: Array, v: Array, lower: Array, upper: Array, velocity: Array, braking: Array,
     dt: float, free: Array,
 ) -> bool:  # fmt: skip
     """Set free (n,) to 0 for the joints that v would drive on into a limit they stand at.
 
-    A joint stands at a limit when its bound leaves it no more than one tick's braking. Locked, it
-    leaves the motion to the joints that can still move, instead of stopping them all with it.
+    A joint stands at a limit when its position leaves it no more than one tick's braking, or when
+    it may not move at all. Locked, it leaves the motion to the joints that can still move, instead
+    of stopping them all with it.
 
     Returns:
         Whether a joint was locked that was free before.
     """
-    n = q.shape[0]
-    low, high = np.empty(n), np.empty(n)
-    velocity_bounds(q, lower, upper, velocity, acceleration, dt, low, high)
     found = False
-    for j in range(n):
-        brake = acceleration[j] * dt if np.isfinite(acceleration[j]) else 0.0
-        at_limit = (v[j] > high[j] and high[j] <= brake) or (v[j] < low[j] and -low[j] <= brake)
+    for j in range(q.shape[0]):
+        brake = braking[j] * dt if np.isfinite(braking[j]) else 0.0
+        high = _approach(upper[j] - q[j], braking[j], dt)
+        low = _approach(q[j] - lower[j], braking[j], dt)
+        at_limit = (v[j] > high and high <= brake) or (-v[j] > low and low <= brake)
+        if velocity[j] == 0.0:
+            at_limit = v[j] != 0.0
         if free[j] == 1.0 and at_limit:
             free[j] = 0.0
             found = True
@@ -226,14 +245,14 @@ def speed_shares(main: Array, total: Array, velocity: Array) -> tuple[float, flo
 @kernel
 def filtered(
     q: Array, main: Array, total: Array, last: Array, lower: Array, upper: Array, velocity: Array,
-    acceleration: Array, dt: float,
+    acceleration: Array, braking: Array, dt: float,
 ) -> tuple[Array, tuple[float, float, float, bool, int]]:  # fmt: skip
-    """The whole filter: `velocity_bounds`, then `limit`, on the first n entries of main and total.
+    """The whole filter: `velocity_bounds`, then `limit`.
 
     Returns:
         The command (n,), and the fields of `Limited`.
     """
     n = q.shape[0]
     low, high, out = np.empty(n), np.empty(n), np.empty(n)
-    velocity_bounds(q, lower, upper, velocity, acceleration, dt, low, high)
-    return out, limit(main[:n], total[:n], last, low, high, acceleration, dt, out)
+    velocity_bounds(q, lower, upper, velocity, braking, dt, low, high)
+    return out, limit(main, total, last, low, high, acceleration, dt, out)

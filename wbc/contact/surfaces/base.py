@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -51,6 +51,20 @@ class Domain:
         return out
 
 
+class Room(NamedTuple):
+    """How far a contact can slide on its face.
+
+    Attributes:
+        axes: (2, 2) rows: two perpendicular directions in (u, v).
+        back, ahead: (2,) way to the edge against and along each of them, negative beyond the edge,
+            inf where there is none.
+    """
+
+    axes: Array
+    back: Array
+    ahead: Array
+
+
 class Surface(ABC):
     """The surface of a rigid object as charts c(u, v) with outward normal c_u x c_v.
 
@@ -61,10 +75,12 @@ class Surface(ABC):
     Attributes:
         planar: True for a contour, the cylinder (x(u), y(u), v) whose v stays 0.
         faces: names of the charts; a contact stores the index into this tuple.
+        edged: True where a contact that slides on a face can come to its edge.
     """
 
     planar: ClassVar[bool]
     faces: ClassVar[tuple[str, ...]]
+    edged: ClassVar[bool] = False
 
     @abstractmethod
     def evaluate(self, xi: Array, face: IntArray, out: Array) -> None:
@@ -135,6 +151,14 @@ class Surface(ABC):
     def rechart(self, xi: Array, face: int) -> tuple[Array, int] | None:
         """Coordinates and face of a chart that suits the point xi (2,) better, None to stay."""
         return None
+
+    def room(self, xi: Array, face: int) -> Room:
+        """How far xi (2,) is from the edges of its face, in its unit."""
+        domain = self.domain(face)
+        endless = np.array(domain.period) > 0.0
+        back = np.where(endless, np.inf, xi - np.array(domain.lower))
+        ahead = np.where(endless, np.inf, np.array(domain.upper) - xi)
+        return Room(np.eye(2), back, ahead)
 
     def charts(self, xi: Array, face: IntArray | int = 0) -> Array:
         """As `evaluate`, into a new array. xi: (n, 2) -> (n, 6, 3)."""

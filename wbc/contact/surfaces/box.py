@@ -55,6 +55,7 @@ class Box(Surface):
 
     planar: ClassVar[bool] = False
     faces: ClassVar[tuple[str, ...]] = ("x+", "x-", "y+", "y-", "z+", "z-")
+    edged: ClassVar[bool] = True
 
     size: tuple[float, float, float]
     half: Array = field(init=False, repr=False, compare=False)

@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import Array, IntArray, read_only
 from wbc.compiled import kernel
-from wbc.contact.surfaces.base import Domain, Surface, check_sizes
+from wbc.contact.surfaces.base import Domain, Room, Surface, check_sizes
 
 SIDE, TOP, BOTTOM = range(3)
 
@@ -56,6 +56,7 @@ class Cylinder(Surface):
 
     planar: ClassVar[bool] = False
     faces: ClassVar[tuple[str, ...]] = ("side", "top", "bottom")
+    edged: ClassVar[bool] = True
 
     radius: float
     length: float
@@ -80,6 +81,15 @@ class Cylinder(Surface):
         if face % 3 == SIDE:
             return 0.5 * self.length - abs(float(xi[1]))
         return self.radius - math.hypot(float(xi[0]), float(xi[1]))
+
+    def room(self, xi: Array, face: int) -> Room:
+        """On an end along the radius and across it."""
+        if face % 3 == SIDE:
+            return super().room(xi, face)
+        radius = float(np.linalg.norm(xi))
+        x, y = xi / radius if radius > 0.0 else (1.0, 0.0)
+        endless = np.full(2, np.inf)
+        return Room(np.array([[x, y], [-y, x]]), endless, np.array([self.radius - radius, np.inf]))
 
     def level(self, p: Array) -> float:
         out, up = self._beyond(p)
