@@ -30,6 +30,8 @@ def recharted(
     Returns:
         None where every contact stays in its chart.
     """
+    if not surface.poles:
+        return None
     changed = []
     for i in np.flatnonzero(contact.mode == ContactMode.SLIDING).tolist():
         found = surface.rechart(contact.xi[i], int(contact.face[i]))

@@ -326,11 +326,11 @@ class Controller:
             self.law, state.q, state.contact, state.rates, motion, here, locks,
             None if status else later, dt,
         )  # fmt: skip
-        if not status:  # what the stages gave way counts too
+        if not status and min(shares) < 1.0:  # what the stages gave way counts too
             main, secondary = min(limited.main, shares[0]), min(limited.secondary, shares[1])
             limited = limited._replace(main=main, secondary=secondary)
-            if locks.edges:
-                status |= Status.AT_EDGE
+        if not status and locks.edges:
+            status |= Status.AT_EDGE
         if limited != NOT_LIMITED:
             status |= Status.CLIPPED if limited.clipped else Status.SCALED
         return step, status, limited

@@ -77,8 +77,9 @@ class Guarded(NamedTuple):
             Whether something was found that was free before.
         """
         nv = len(free)
-        lower, upper, velocity, _, braking = (bound[:nv] for bound in self.bounds)
-        found: bool = stuck(self.position[:nv], v, lower, upper, velocity, braking, dt, free)
+        lower, upper, velocity, _, braking = self.bounds
+        # `stuck` looks at as many as there are in free: the joints
+        found: bool = stuck(self.position, v, lower, upper, velocity, braking, dt, free)
         if self.axes is not None:
             low, high = (speed[nv:] for speed in self.speeds(dt))
             beyond = np.maximum(self.bounds.lower[nv:], 0.0) + np.minimum(self.bounds.upper[nv:], 0)
@@ -107,10 +108,9 @@ class Guarded(NamedTuple):
 
 def guarded(q: Array, contact: ContactState, grasp: Grasp, joints: Bounds) -> Guarded:
     """What is to be kept within limits at a configuration; `joints` are the robot's."""
-    sliding = contact.mode == ContactMode.SLIDING
-    if not grasp.surface.edged or not sliding.any():
+    if not grasp.surface.edged or not (contact.mode == ContactMode.SLIDING).any():
         return Guarded(q, joints, None)
-    n = grasp.count
+    n, sliding = grasp.count, contact.mode == ContactMode.SLIDING
     axes = np.tile(np.eye(2), (n, 1, 1))
     back, ahead = np.full((n, 2), np.inf), np.full((n, 2), np.inf)
     for i in np.flatnonzero(sliding).tolist():

@@ -201,6 +201,8 @@ def stuck(
 ) -> bool:  # fmt: skip
     """Set free (n,) to 0 for the joints that v would drive on into a limit they stand at.
 
+    What the other arrays hold beyond n entries is passed over.
+
     A joint stands at a limit when its position leaves it no more than one tick's braking, or when
     it may not move at all. Locked, it leaves the motion to the joints that can still move, instead
     of stopping them all with it.
@@ -209,7 +211,7 @@ def stuck(
         Whether a joint was locked that was free before.
     """
     found = False
-    for j in range(q.shape[0]):
+    for j in range(free.shape[0]):
         brake = braking[j] * dt if np.isfinite(braking[j]) else 0.0
         high = _approach(upper[j] - q[j], braking[j], dt)
         low = _approach(q[j] - lower[j], braking[j], dt)

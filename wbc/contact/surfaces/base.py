@@ -75,11 +75,13 @@ class Surface(ABC):
     Attributes:
         planar: True for a contour, the cylinder (x(u), y(u), v) whose v stays 0.
         faces: names of the charts; a contact stores the index into this tuple.
+        poles: True where a contact that slides towards a pole of its chart needs another one.
         edged: True where a contact that slides on a face can come to its edge.
     """
 
     planar: ClassVar[bool]
     faces: ClassVar[tuple[str, ...]]
+    poles: ClassVar[bool] = False
     edged: ClassVar[bool] = False
 
     @abstractmethod

@@ -30,6 +30,7 @@ class PolarSurface(Surface):
 
     planar: ClassVar[bool] = False
     faces: ClassVar[tuple[str, ...]] = ("poles_z", "poles_x", "poles_y")
+    poles: ClassVar[bool] = True
 
     @property
     @abstractmethod
