@@ -63,7 +63,7 @@ class CostCase:
     make: Callable[[World, Draw, str], CostExample]
     spots: tuple[str, ...]
     silent: tuple[str, ...]
-    robots: tuple[str, ...] = ("planar", "hand")
+    robots: tuple[str, ...] = ("planar", "hand", "coupled")
     places: tuple[str, ...] = PLACES
 
 

@@ -1,4 +1,5 @@
-"""The robots of the suite: the planar pair that ships with the project and a small hand in space.
+"""The robots of the suite: the planar pair that ships with the project and a small hand in space,
+with all its joints free and with some that follow others.
 
 Both can be built anew with their base moved or with all lengths scaled, by editing the URDF's text.
 """
@@ -57,6 +58,7 @@ SETTINGS = {
         IN_PLANE,
     ),
     "hand": Setting("", ("tip_a", "tip_b"), ("palm", "forearm"), IN_SPACE),
+    "coupled": Setting("", ("tip_a", "tip_b"), ("palm", "forearm"), IN_SPACE),
 }
 
 
@@ -78,11 +80,12 @@ def _joint(
     axis: str,
     rpy: str = "0 0 0",
     kind: str = "revolute",
+    follows: str = "",
 ) -> str:
     lower, upper = (-0.15, 0.2) if kind == "prismatic" else (-1.9, 2.1)
     return f"""
   <joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
-    <origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>
+    <origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>{follows}
     <limit lower="{lower}" upper="{upper}" effort="20" velocity="3"/></joint>"""
 
 
@@ -93,21 +96,28 @@ def _fixed(name: str, parent: str, child: str, xyz: str, rpy: str = "0 0 0") -> 
     <origin xyz="{xyz}" rpy="{rpy}"/></joint>"""
 
 
-def _finger(side: str, y: float, roll: str) -> str:
+def _finger(side: str, y: float, roll: str, coupled: bool) -> str:
+    last = f'<mimic joint="{side}2" multiplier="0.7" offset="0.1"/>' if coupled else ""
     return (
         _link(f"knuckle_{side}", 0.05, 0.2)
         + _link(f"proximal_{side}", 0.14, 0.15)
         + _link(f"distal_{side}", 0.1, 0.1)
         + _joint(f"{side}1", "palm", f"knuckle_{side}", f"0.08 {y} 0.01", "0 0.2 0.9", roll)
         + _joint(f"{side}2", f"knuckle_{side}", f"proximal_{side}", "0.05 0 0", "0.1 1 0")
-        + _joint(f"{side}3", f"proximal_{side}", f"distal_{side}", "0.14 0 0", "0 1 0")
+        + _joint(
+            f"{side}3", f"proximal_{side}", f"distal_{side}", "0.14 0 0", "0 1 0", follows=last
+        )
         + _fixed(f"{side}_end", f"distal_{side}", f"tip_{side}", "0.1 0 0.01", "0.4 -0.3 0.2")
     )
 
 
-def hand_urdf(*, prismatic: bool = True) -> str:
-    """An arm of five joints (the third slides if `prismatic`) and two fingers of three."""
+def hand_urdf(*, prismatic: bool = True, coupled: bool = False) -> str:
+    """An arm of five joints (the third slides if `prismatic`) and two fingers of three.
+
+    Where `coupled`, each finger's last joint follows the one before it, and s4 follows s2.
+    """
     third = "prismatic" if prismatic else "revolute"
+    fourth = '<mimic joint="s2" multiplier="-1"/>' if coupled else ""
     return f"""<robot name="hand">
   <link name="world"/>{_fixed("base", "world", "pedestal", "0.1 -0.2 0.3", "0.2 0.1 -0.4")}
   {_link("shoulder", 0.3, 2.0)}{_link("upper_arm", 0.3, 1.5)}{_link("forearm", 0.25, 1.2)}
@@ -115,9 +125,9 @@ def hand_urdf(*, prismatic: bool = True) -> str:
   {_joint("s1", "pedestal", "shoulder", "0 0 0.2", "0 0 1")}
   {_joint("s2", "shoulder", "upper_arm", "0.1 0 0.1", "0 1 0", "0.3 0 0")}
   {_joint("s3", "upper_arm", "forearm", "0.3 0 0", "1 0 0.2", kind=third)}
-  {_joint("s4", "forearm", "wrist", "0.25 0 0", "0 0.6 0.8")}
+  {_joint("s4", "forearm", "wrist", "0.25 0 0", "0 0.6 0.8", follows=fourth)}
   {_joint("s5", "wrist", "palm", "0.08 0 0", "1 0 0", "0 0.2 0")}
-  {_finger("a", 0.05, "0.2 0 0.1")}{_finger("b", -0.05, "-0.3 0.1 -0.1")}
+  {_finger("a", 0.05, "0.2 0 0.1", coupled)}{_finger("b", -0.05, "-0.3 0.1 -0.1", coupled)}
 </robot>"""
 
 
@@ -160,7 +170,7 @@ def robot(
     name: str, motion: Motion = STILL, scale: float = 1.0, *, prismatic: bool = True
 ) -> RobotModel:
     """The robot `name`, moved and scaled."""
-    text = hand_urdf(prismatic=prismatic) if name == "hand" else SETTINGS[name].urdf
+    text = SETTINGS[name].urdf or hand_urdf(prismatic=prismatic, coupled=name == "coupled")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.urdf"
         path.write_text(_edited(text, motion, scale))

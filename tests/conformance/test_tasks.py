@@ -47,6 +47,8 @@ CONTACTS = {
     "sliding": {"planar": (SLIDING,) * 4, "hand": (SLIDING, SLIDING)},
     "mixed": {"planar": (FIXED, FIXED, SLIDING, SLIDING), "hand": (FIXED, SLIDING)},
 }
+for _modes in CONTACTS.values():
+    _modes["coupled"] = _modes["hand"]
 SEEDS = range(2)
 
 

@@ -45,8 +45,12 @@ SURFACE_SAMPLES: dict[str, Callable[[float], Surface]] = {
 
 CONTOURS = tuple(k for k, make in SURFACE_SAMPLES.items() if make(1.0).planar)
 BODIES = tuple(k for k in SURFACE_SAMPLES if k not in CONTOURS)
-ROBOT_SURFACES = [("planar", s) for s in CONTOURS] + [("hand", s) for s in BODIES]
-DEFAULT_SURFACE = {"planar": "fourier_contour", "hand": "spheroid"}
+ROBOT_SURFACES = [
+    *(("planar", s) for s in CONTOURS),
+    *(("hand", s) for s in BODIES),
+    ("coupled", "spheroid"),
+]
+DEFAULT_SURFACE = {"planar": "fourier_contour", "hand": "spheroid", "coupled": "spheroid"}
 
 PLACES = ("random", "limits", "stretched")
 FREE, FIXED, SLIDING = ContactMode.FREE, ContactMode.FIXED, ContactMode.SLIDING

@@ -161,7 +161,7 @@ def capsules(run: Run, links: list[str]) -> np.ndarray:
     data = model.pin_model.createData()
     axes = np.empty((len(run.records), len(links), 2, 2))
     for k, record in enumerate(run.records):
-        pin.forwardKinematics(model.pin_model, data, record.q)
+        pin.forwardKinematics(model.pin_model, data, model.full(record.q))
         for n, link in enumerate(links):
             shape = shapes[link]
             place = data.oMi[shape.parentJoint] * shape.placement

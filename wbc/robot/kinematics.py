@@ -155,6 +155,7 @@ class Kinematics:
         self._frame_poses = placements(self.data.oMf)
         self.joint_poses = placements(self.data.oMi)
         self.joint_jacobian: Array = self.data.J
+        self._com_jacobian: Array = self.data.Jcom
 
     def update(self, q: Array) -> Kinematics:
         """Bring everything to q, shape (nv,), finite."""
@@ -167,8 +168,9 @@ class Kinematics:
             model.master, model.ratio, self.position, self.rotation, self.linear, self.angular,
         )  # fmt: skip
         if self.track_com:
-            full = pin.jacobianCenterOfMass(model.pin_model, self.data, self._q_full)
-            _gather(full, model.master, model.ratio, self.com_jacobian)
+            # without q it takes the joints' placements as they are, and subtrees need no centres
+            pin.jacobianCenterOfMass(model.pin_model, self.data, False)
+            _gather(self._com_jacobian, model.master, model.ratio, self.com_jacobian)
             self.com[:] = self.data.com[0]
         return self
 
