@@ -248,8 +248,12 @@ def balanced(world: World, draw: Draw, off: float) -> World:
     return replace(world, state=world.state._replace(xi=xi, face=face))
 
 
-def equilibrium(kind: type[Task], *, squared: bool) -> Callable[[World, Draw, str], Example]:
+def equilibrium(
+    kind: type[Task], *, squared: bool, unequal: bool = False
+) -> Callable[[World, Draw, str], Example]:
     def make(world: World, draw: Draw, spot: str) -> Example:
+        if unequal:  # but the two of a pair alike: they still balance
+            world = world.with_shares(np.repeat(draw.uniform(0.3, 3.0, world.grasp.count // 2), 2))
         if spot != "far":
             world = balanced(world, draw, {"goal": 0.0, "near": 0.03}[spot])
         return Example(world, kind(**settings("balance"), squared=squared), None)  # type: ignore[call-arg]
@@ -349,18 +353,18 @@ TASKS: dict[type[Task], tuple[TaskCase, ...]] = {
     ),
     EquilibriumForce: tuple(
         TaskCase(
-            equilibrium(EquilibriumForce, squared=squared), ("near", "far"),
+            equilibrium(EquilibriumForce, squared=squared, unequal=unequal), ("near", "far"),
             places=("random", "limits"), surfaces=True, step=1e-6, lengths=lambda task: (0,),
         )
-        for squared in (False, True)
+        for squared, unequal in ((False, False), (True, False), (False, True), (True, True))
     ),
     EquilibriumMoment: tuple(
         TaskCase(
-            equilibrium(EquilibriumMoment, squared=squared), ("near", "far"),
+            equilibrium(EquilibriumMoment, squared=squared, unequal=unequal), ("near", "far"),
             places=("random", "limits"), surfaces=True, step=1e-6,
             lengths=(lambda task: (2,)) if squared else (lambda task: (1,)),
         )
-        for squared in (False, True)
+        for squared, unequal in ((False, False), (True, False), (False, True), (True, True))
     ),
     Manipulability: tuple(
         TaskCase(

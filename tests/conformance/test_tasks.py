@@ -36,7 +36,7 @@ from conformance.worlds import (
     unpacked,
     without_object,
 )
-from wbc.contact.grasp import ContactMode
+from wbc.contact.grasp import ContactMode, equilibrium_residuals
 from wbc.rotations import exp_so3
 from wbc.tasks import EquilibriumForce, EquilibriumMoment, Task, TaskRows, empty_rows
 from wbc.tasks.base import fade
@@ -279,6 +279,27 @@ def test_equilibrium_at_the_goal(robot: str, surface: str) -> None:
             grown = [abs(evaluate(example, world.at(world.q_ext + s * step * way)).error[0])
                      for s in (-1, 1)]  # fmt: skip
             assert_allclose(grown, step * np.linalg.norm(out.jacobian), rtol=0.05, atol=1e-7)
+
+
+def test_a_thumb_opposes_two_fingers() -> None:
+    """Three fingers on one side of a circle, the thumb pressing as hard as they do together."""
+    world, spread = make_world("planar", "circle", ContactMode.SLIDING), 0.4
+    xi = np.array([[0.0, 0.0], [spread, 0.0], [-spread, 0.0], [np.pi, 0.0]])
+    world = replace(world, state=world.state._replace(xi=xi))
+    unit = world.with_shares(np.ones(4))
+    thumb = world.with_shares(np.array([1.0, 1.0, 1.0, 1.0 + 2.0 * np.cos(spread)]))
+    for kind in (EquilibriumForce, EquilibriumMoment):
+        task = kind("balance", 1.0, 1.0)
+        assert abs(evaluate(Example(thumb, task, None)).error[0]) < 1e-15
+    assert evaluate(Example(unit, EquilibriumForce("balance", 1.0, 1.0), None)).error[0] < -1.0
+    kin = thumb.update()
+    points, normals = kin.charts[:, 0], kin.frame[:, :, 2]
+    assert max(equilibrium_residuals(points, normals, thumb.grasp.share)) < 1e-30
+    off = seeded("thumb").uniform(0.3, 2.0, 4)
+    f = (off[:, None] * normals).sum(axis=0)
+    m = np.cross(points, off[:, None] * normals).sum(axis=0)
+    found = equilibrium_residuals(points, normals, off)
+    assert_allclose(found, (0.5 * f @ f, 0.5 * m @ m), rtol=1e-14)
 
 
 @pytest.mark.parametrize("robot", SETTINGS)

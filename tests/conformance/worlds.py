@@ -96,6 +96,11 @@ class World:
         xi = q_ext[self.nv :].reshape(-1, 2).copy()
         return replace(self, q=q_ext[: self.nv].copy(), state=self.state._replace(xi=xi))
 
+    def with_shares(self, share: np.ndarray) -> World:
+        """The same world whose fingers press unequally, (N,)."""
+        grasp = replace(self.grasp, share=share)
+        return replace(self, kin=type(self.kin)(self.kin.robot, grasp, self.kin.gain))
+
     @property
     def q_ext(self) -> np.ndarray:
         return np.concatenate([self.q, self.state.xi.ravel()])
@@ -170,7 +175,7 @@ def make_world(
     grasp = Grasp(
         body, setting.tips, np.array([xi for xi, _ in contacts]),
         np.array([face for _, face in contacts], dtype=np.int64),
-        np.full(n, 5e4), rng.uniform(0.005, 0.02, n), model.planar,
+        np.full(n, 5e4), rng.uniform(0.005, 0.02, n), np.ones(n), model.planar,
     )  # fmt: skip
     if isinstance(modes, ContactMode):
         modes = (modes,) * n

@@ -87,12 +87,13 @@ def three_fingers():
         two, xi = world.grasp, np.array([0.3, -0.2])
         grasp = replace(
             two, fingers=tips, at=np.vstack((two.at, xi)), face=np.append(two.face, 0),
-            stiffness=np.full(3, 5e4), rest_length=np.full(3, 0.005),
+            stiffness=np.full(3, 5e4), rest_length=np.full(3, 0.005), share=np.ones(3),
         )  # fmt: skip
         kin = ExtendedKinematics(Kinematics(robot("hand"), tips), grasp, 50.0)
         state = world.state._replace(
             mode=np.array(modes, dtype=np.int64),
             xi=grasp.at.copy(),
+            face=grasp.face.copy(),
             pivot=np.stack([exp_so3(np.array([0.3 * k, 0.2, -0.1])) for k in range(3)]),
         )
         reference = world.reference._replace(reach=grasp.rest_length, reach_rate=np.zeros(3))
@@ -143,7 +144,7 @@ def short_finger(tmp_path):
         one = np.ones(1)
         grasp = Grasp(
             Circle(0.2), ("tip",), np.array([[math.pi, 0.0]]), np.zeros(1, dtype=np.int64),
-            5e4 * one, 0.005 * one, True,
+            5e4 * one, 0.005 * one, one, True,
         )  # fmt: skip
         kin = ExtendedKinematics(Kinematics(load_robot(path), ("tip",)), grasp, 50.0)
         state = ContactState.planned(grasp, np.array([mode], dtype=np.int64))

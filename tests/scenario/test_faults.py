@@ -16,7 +16,8 @@ ONE_FAULT = [
     # keys
     ("  urdf: planar", "  ^udrf: planar", "unknown key 'udrf' (did you mean 'urdf'?)"),
     ("at: [0]", "at: [0], ^mu: -1", "unknown key 'mu' (known: at, face, stiffness, rest_length, "
-     "force)"),
+     "force, share)"),
+    ("at: [0]", "at: [0], share: ^0", "contacts.f1.share: must be above 0, got 0"),
     ("robot:\n  urdf: planar_bimanual\n", "^robot:\n", "missing key 'urdf' in robot"),
     ("main: {type: object_pose, gain: 50 /s}", "^main: {type: object_pose}",
      "missing key 'gain' in tasks.main"),

@@ -42,7 +42,7 @@ def classify(kin: ExtendedKinematics) -> GraspClass:
         condition=float(singular[0]) / smallest if smallest > 0.0 else math.inf,
         redundant_fingers=tuple(grasp.fingers[i] for i in touching if _is_redundant(kin, i)),
         free_motions=_free_motions(kin, touching),
-        residuals=equilibrium_residuals(points, normals),
+        residuals=equilibrium_residuals(points, normals, grasp.share[touching]),
         friction_needed=friction_needed(points, normals, planar=grasp.planar),
     )
 

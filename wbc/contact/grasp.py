@@ -36,6 +36,7 @@ class Grasp:
         face: (N,) charts that `at` is in, indices into the surface's `faces`.
         stiffness: (N,) of the elastic pads, k of Δl = f_n / k, [N/m].
         rest_length: (N,) l of (27), [m].
+        share: (N,) s > 0, how hard each finger presses beside the others where they balance.
         planar: one chart coordinate, one pivot angle, rows x, y, ω_z.
     """
 
@@ -45,6 +46,7 @@ class Grasp:
     face: IntArray
     stiffness: Array
     rest_length: Array
+    share: Array
     planar: bool
 
     @property
@@ -67,7 +69,9 @@ def no_grasp(planar: bool) -> Grasp:
     """A grasp without fingers, for scenarios without an object."""
     none = np.zeros(0)
     surface = Circle(1.0) if planar else Sphere(1.0)  # never evaluated at a contact
-    return Grasp(surface, (), np.zeros((0, 2)), np.zeros(0, dtype=np.int64), none, none, planar)
+    return Grasp(
+        surface, (), np.zeros((0, 2)), np.zeros(0, dtype=np.int64), none, none, none, planar
+    )
 
 
 class ContactState(NamedTuple):
@@ -155,16 +159,18 @@ class GraspClass(NamedTuple):
         return self.friction_needed == 0.0 if mu is None else self.friction_needed < mu
 
 
-def equilibrium_residuals(points: Array, normals: Array) -> tuple[float, float]:
-    """ε_f and ε_m of the unit frictionless equilibrium (44)-(45).
+def equilibrium_residuals(points: Array, normals: Array, share: Array) -> tuple[float, float]:
+    """ε_f and ε_m of the frictionless equilibrium (44)-(45).
 
     Args:
         points: (n, 3) contact points in the object frame, [m].
         normals: (n, 3) outward unit normals in the object frame.
+        share: (n,) s of each finger, 1 in the chapter.
 
     Returns:
-        ½ fᵀf (no unit) and ½ mᵀm [m²] with f = Σ n̂ and m = Σ c × n̂.
+        ½ fᵀf (no unit) and ½ mᵀm [m²] with f = Σ s n̂ and m = Σ c × s n̂.
     """
-    f = normals.sum(axis=0)
-    m = np.cross(points, normals).sum(axis=0)
+    forces = share[:, None] * normals
+    f = forces.sum(axis=0)
+    m = np.cross(points, forces).sum(axis=0)
     return 0.5 * float(f @ f), 0.5 * float(m @ m)

@@ -14,9 +14,9 @@ from wbc.rotations import cross, rotate
 
 @kernel
 def _observe(
-    mode: IntArray, charts: Array, frame: Array, position: Array, rotation: Array, error: Array,
-    task_first: IntArray, task_last: IntArray, rows: Array, points: Array, normals: Array,
-    object_error: Array, task_error: Array,
+    mode: IntArray, charts: Array, frame: Array, share: Array, position: Array, rotation: Array,
+    error: Array, task_first: IntArray, task_last: IntArray, rows: Array, points: Array,
+    normals: Array, object_error: Array, task_error: Array,
 ) -> tuple[float, float]:  # fmt: skip
     f, m = np.zeros(3), np.zeros(3)
     for i in range(mode.shape[0]):
@@ -24,8 +24,8 @@ def _observe(
         rotate(rotation, point, points[i])
         points[i] += position
         rotate(rotation, normal, normals[i])
-        f += normal
-        m += cross(point, normal)
+        f += share[i] * normal
+        m += share[i] * cross(point, normal)
         if mode[i] == 0:
             object_error[i] = np.nan
         else:
@@ -72,8 +72,9 @@ def observe(law: Law) -> Seen:
     points, normals = np.empty((n, 3)), np.empty((n, 3))
     object_error, task_error = np.empty((n, 2)), np.empty(len(stack.tasks))
     residuals = _observe(
-        kin.state.mode, kin.charts, kin.frame, kin.object_position, kin.object_rotation, kin.error,
-        stack.task_first, stack.task_last, stack.error, points, normals, object_error, task_error,
+        kin.state.mode, kin.charts, kin.frame, kin.grasp.share, kin.object_position,
+        kin.object_rotation, kin.error, stack.task_first, stack.task_last, stack.error, points,
+        normals, object_error, task_error,
     )  # fmt: skip
     nearest = np.inf if law.distances is None else law.distances.smallest()
     return Seen(

@@ -195,7 +195,9 @@ class PhaseSequence:
         if not max(seen.residuals) <= limit or not until.closing:
             return max(seen.residuals) <= limit
         fingers = list(until.closing)
-        alone = equilibrium_residuals(kin.charts[fingers, 0], kin.frame[fingers, :, 2])
+        alone = equilibrium_residuals(
+            kin.charts[fingers, 0], kin.frame[fingers, :, 2], kin.grasp.share[fingers]
+        )
         return max(alone) <= limit
 
     def _enter_next(self, state: PhaseState, t: float, kin: ExtendedKinematics) -> Transition:

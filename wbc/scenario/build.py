@@ -195,6 +195,7 @@ def build_grasp(scenario: Scenario, model: RobotModel) -> Grasp:
         face=face,
         stiffness=np.array([c.stiffness for c in specs], dtype=np.float64),
         rest_length=np.array([c.rest_length for c in specs], dtype=np.float64),
+        share=np.array([c.share for c in specs], dtype=np.float64),
         planar=surface.planar,
     )
 

@@ -93,6 +93,9 @@ class Contact(Block):
     stiffness: Stiffness = 5e4
     rest_length: Distance = 5e-3
     force: Force = Field(default=0.0, description="normal force wanted at the start")
+    share: PositiveNumber = Field(
+        default=1.0, description="how hard it presses beside the others where the grasp balances"
+    )
 
 
 @final

@@ -1,4 +1,4 @@
-"""Unit frictionless equilibrium: where the fingers should slide so that unit normals balance."""
+"""Frictionless equilibrium: where the fingers should slide so that their normals balance."""
 
 from __future__ import annotations
 
@@ -47,6 +47,7 @@ def _force_row(
     charts: Array,
     frame: Array,
     normal_xi: Array,
+    share: Array,
     squared: bool,
     nv: int,
     error: Array,
@@ -56,8 +57,8 @@ def _force_row(
     n = charts.shape[0]
     df = np.zeros((3, 2 * n))
     for i in range(n):
-        f += frame[i, :, 2]
-        df[:, 2 * i : 2 * i + 2] = normal_xi[i]
+        f += share[i] * frame[i, :, 2]
+        df[:, 2 * i : 2 * i + 2] = share[i] * normal_xi[i]
     if squared:
         error[0] = -0.5 * np.sum(f * f)
         jacobian[0, nv:] = f @ df
@@ -71,6 +72,7 @@ def _moment_row(
     charts: Array,
     frame: Array,
     normal_xi: Array,
+    share: Array,
     squared: bool,
     planar: bool,
     nv: int,
@@ -81,11 +83,10 @@ def _moment_row(
     n = charts.shape[0]
     dm = np.zeros((3, 2 * n))
     for i in range(n):
-        m += cross(charts[i, 0], frame[i, :, 2])
+        m += share[i] * cross(charts[i, 0], frame[i, :, 2])
         for k in range(2):
-            dm[:, 2 * i + k] = cross(charts[i, 1 + k], frame[i, :, 2]) + cross(
-                charts[i, 0], normal_xi[i, :, k]
-            )
+            turning = cross(charts[i, 0], normal_xi[i, :, k])
+            dm[:, 2 * i + k] = share[i] * (cross(charts[i, 1 + k], frame[i, :, 2]) + turning)
     if squared:
         error[0] = -0.5 * np.sum(m * m)
         jacobian[0, nv:] = m @ dm
@@ -100,7 +101,9 @@ def _moment_row(
 @final
 @dataclass(frozen=True)
 class EquilibriumForce(Task):
-    """σ = |f|, f = Σ n̂_i over all fingers of the grasp (44); one row, no unit.
+    """σ = |f|, f = Σ s_i n̂_i over all fingers of the grasp (44); one row, no unit.
+
+    The shares s_i are 1 in the chapter. A thumb that opposes two fingers has 2.
 
     ε_f = ½ fᵀf itself (`squared`) is the published task: its Jacobian vanishes with it, so any
     damping stalls it. The vector f is no task either: at the goal its rank drops and away from it
@@ -119,7 +122,7 @@ class EquilibriumForce(Task):
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
         _force_row(
-            kin.charts, kin.frame, kin.normal_xi, self.squared, kin.robot.model.nv,
+            kin.charts, kin.frame, kin.normal_xi, kin.grasp.share, self.squared, kin.robot.model.nv,
             out.error, out.jacobian,
         )  # fmt: skip
 
@@ -127,7 +130,7 @@ class EquilibriumForce(Task):
 @final
 @dataclass(frozen=True)
 class EquilibriumMoment(Task):
-    """σ = m, m = Σ c_i × n̂_i (45): signed in the plane, |m| in space; one row, [m].
+    """σ = m, m = Σ c_i × s_i n̂_i (45): signed in the plane, |m| in space; one row, [m].
 
     `squared` gives the published ε_m = ½ mᵀm, [m²].
     """
@@ -144,6 +147,6 @@ class EquilibriumMoment(Task):
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
         _moment_row(
-            kin.charts, kin.frame, kin.normal_xi, self.squared, kin.grasp.planar,
+            kin.charts, kin.frame, kin.normal_xi, kin.grasp.share, self.squared, kin.grasp.planar,
             kin.robot.model.nv, out.error, out.jacobian,
         )  # fmt: skip
