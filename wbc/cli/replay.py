@@ -21,6 +21,7 @@ from wbc.robot.model import RobotModel, load_robot
 from wbc.scenario import Scenario, load
 from wbc.scenario.build import build_grasp
 from wbc.scenario.places import robot_file
+from wbc.scenario.robots import read_robot
 from wbc.view import LiveView, Scene, Snapshot, replay
 from wbc.view.from_robot import SnapshotMaker, event_text, robot_scene
 
@@ -155,7 +156,7 @@ def _robot(folder: Path, log: Log, scenario: Scenario) -> RobotModel:
     """The robot as it was run: the copy kept beside the log, else the one the scenario names."""
     kept = folder / ROBOT
     try:
-        original = load_robot(robot_file(scenario.robot.urdf, Path(log.meta.source).parent))
+        original = read_robot(robot_file(scenario.robot.urdf, Path(log.meta.source).parent))
     except WbcError:
         return load_robot(kept)
     if kept.is_file() and original.text.encode() != kept.read_bytes():

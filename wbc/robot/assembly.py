@@ -14,7 +14,8 @@ from typing import final
 
 from lxml import etree
 
-from wbc.errors import UrdfError, did_you_mean
+from wbc.errors import UrdfError, WbcError, did_you_mean
+from wbc.robot.packages import locate
 from wbc.robot.urdf import load_urdf_text
 
 Vector = tuple[float, float, float]
@@ -126,18 +127,27 @@ def _misplaced(part: Part, number: int, links: Sequence[str]) -> list[str]:
 
 
 def _resolve_meshes(robot: etree._Element, part: Part) -> list[str]:
-    """Make relative mesh files absolute: the result may lie in another folder."""
+    """Make mesh files absolute that are found from the part alone: the result may lie elsewhere."""
     faults = []
     for mesh in robot.iterfind(".//geometry/mesh"):
         name = mesh.get("filename", "")
-        if "://" in name:
-            continue
-        file = (part.urdf.parent / name).resolve()
-        if file.is_file():
-            mesh.set("filename", str(file))
-        else:
-            faults.append(f"{part}: the mesh '{name}' is not there; looked for {file}")
+        package = "://" in name
+        try:
+            if not (package and _exists(name)):
+                mesh.set("filename", str(locate(name, part.urdf.parent).resolve()))
+        except WbcError as error:
+            if not package:
+                faults.append(f"{part}: the mesh '{name}' is not there; {error}")
     return faults
+
+
+def _exists(name: str) -> bool:
+    """Whether a file is found from anywhere."""
+    try:
+        locate(name, Path("/"))
+    except WbcError:
+        return False
+    return True
 
 
 def _prefix(robot: etree._Element, prefix: str) -> None:

@@ -19,7 +19,7 @@ from wbc.control.task_stack import TaskStack
 from wbc.errors import ScenarioError, WbcError
 from wbc.robot.distances import Distances
 from wbc.robot.kinematics import Kinematics
-from wbc.robot.model import RobotModel, load_robot
+from wbc.robot.model import RobotModel
 from wbc.robot.pruning import PairReport
 from wbc.rotations import rotation_from_quaternion
 from wbc.scenario.build_costs import build_costs, nearness, watched_pairs
@@ -29,6 +29,7 @@ from wbc.scenario.kinds import BoxSpec, ObjectPoseSpec, SuperellipsoidSpec, Surf
 from wbc.scenario.load import Loaded
 from wbc.scenario.names import check_names
 from wbc.scenario.places import robot_file
+from wbc.scenario.robots import read_robot
 from wbc.scenario.schema import Scenario
 from wbc.stack.supervisor import Supervisor
 
@@ -141,7 +142,7 @@ def _robot(loaded: Loaded) -> RobotModel:
         file = robot_file(robot.urdf, loaded.path.parent)
     except WbcError as error:
         raise ScenarioError(f"{loaded.locate(('robot', 'urdf'))}: {error}") from None
-    return load_robot(file, capsules=robot.collisions.shapes == "capsules")
+    return read_robot(file, capsules=robot.collisions.shapes == "capsules")
 
 
 def _priority(scenario: Scenario) -> tuple[str | None, list[str]]:

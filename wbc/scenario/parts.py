@@ -15,11 +15,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Final
 
-from wbc import resources
-from wbc.errors import ScenarioError, UnknownNameError
+from wbc.errors import ScenarioError, UnknownNameError, WbcError
 from wbc.robot.assembly import Part, Vector
 from wbc.scenario.load import Source
 from wbc.scenario.located import read_text
+from wbc.scenario.places import robot_file
 from wbc.scenario.units import QuantityError, read
 from wbc.scenario.wording import Fault, Faults, KeyPath, show
 
@@ -107,16 +107,14 @@ def _vector(
 
 
 def _find(name: str, path: KeyPath, folder: Path, faults: Faults) -> Path:
-    """A file beside the file of parts, or a robot that travels with wbc."""
-    beside = folder / name
     try:
-        if beside.is_file():
-            return beside
-        return resources.find("urdf", name)
+        return robot_file(name, folder)
     except (OSError, ValueError):
         faults.add(path, f"{show(name)} is no file name")
     except UnknownNameError as error:
         near = [p.name for p in folder.glob("*.urdf")]
         remedy = faults.remedy(name, [*near, *error.valid])
         faults.add(path, f"no such file, and no robot of that name: {remedy}")
-    return beside
+    except WbcError as error:
+        faults.add(path, str(error))
+    return folder

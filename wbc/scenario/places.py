@@ -8,11 +8,11 @@ from typing import Final
 from wbc import resources
 from wbc.robot.packages import locate
 
-_ENDINGS: Final = ("", ".urdf")
+_ENDINGS: Final = ("", ".urdf", ".parts.yaml")
 
 
 def robot_file(name: str, folder: Path) -> Path:
-    """The file of the robot `name`.
+    """The file of the robot `name`, a URDF or parts to put together.
 
     Args:
         name: a path from `folder`, an absolute one, ``package://NAME/...`` as in
