@@ -47,6 +47,13 @@ def test_it_stops_before_the_edge_and_goes_on_along_it(tmp_path: Path, integrato
     assert np.abs(slide.v[-1]).max() < 1e-4
 
 
+def test_the_published_law_keeps_to_the_face_too(tmp_path: Path) -> None:
+    slide = box(tmp_path, BEYOND_ONE, stack__form="printed")
+    assert slide.xi[-1, 0] == pytest.approx(0.05 - KEPT, abs=1e-6)
+    assert {record.status for record in slide.records} == {Status.OK, Status.AT_EDGE}
+    assert slide.object_error < 1e-6 and largest_step(slide) < 1.5e-2
+
+
 def test_in_a_corner_it_stands(tmp_path: Path) -> None:
     slide = box(tmp_path, BEYOND_TWO)
     assert (slide.xi.max(axis=0) <= np.array([0.05, 0.04]) - KEPT + 1e-9).all()

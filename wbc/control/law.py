@@ -125,11 +125,11 @@ class Law:
     def solve(self, order: IntArray, activation: Array, locks: Locks = UNLOCKED) -> Motion:
         """The law with the given gains, (L,), at the configuration last evaluated.
 
-        The published law knows no locks.
+        The published law locks no joints.
         """
         if self._printed is not None:
             descent = self.gradient_gain * self.gradient
-            answer = self._printed.solve(order, activation, descent, self.freedom)
+            answer = self._printed.solve(order, activation, descent, self.freedom, locks.edges)
             self.rank, self.independence = answer.rank, answer.independence
             return Motion(answer.main, answer.total)
         kin, stack = self.kin, self.stack

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple, final
 
 import numpy as np
 
 from wbc.arrays import Array, BoolArray, IntArray
-from wbc.contact.extended_finger import ExtendedKinematics, extended_jacobian
+from wbc.contact.extended_finger import ExtendedKinematics, HeldEdge, extended_jacobian
 from wbc.contact.grasp import ContactMode
 from wbc.control.task_stack import TaskStack
 from wbc.stack.printed import PrintedLevel, solve_printed
@@ -53,8 +54,9 @@ class PrintedLaw:
         self._since: IntArray = np.array(since, dtype=np.int64)
 
     def solve(
-        self, order: IntArray, activation: Array, gradient: Array, eta: Array
-    ) -> PrintedAnswer:
+        self, order: IntArray, activation: Array, gradient: Array, eta: Array,
+        edges: Sequence[HeldEdge] = (),
+    ) -> PrintedAnswer:  # fmt: skip
         """The law at the configuration last evaluated.
 
         Args:
@@ -62,8 +64,12 @@ class PrintedLaw:
             activation: (L,) ρ of each level.
             gradient: (nv,) k_∇ ∇C.
             eta: (L,) filled: share of its gain each level has, 0 where it is not in force.
+            edges: rows of the main task beside (35), as in `ExtendedKinematics.hold`.
         """
         rows, rhs = extended_jacobian(self._kin)
+        if edges:
+            rows = np.vstack([rows, *(self._across(edge) for edge in edges)])
+            rhs = np.append(rhs, [edge.rate for edge in edges])
         live = self._live()
         rows, free = rows[:, live], self._place[live]
         in_force = [k for k in order if self._in_force(k, activation)]
@@ -76,6 +82,14 @@ class PrintedLaw:
         main, total = np.zeros(self._size), np.zeros(self._size)
         main[free], total[free] = found.main, found.total
         return PrintedAnswer(main, total, found.rank, _independence(rows, found.rank))
+
+    def _across(self, edge: HeldEdge) -> Array:
+        """The row of ξ̇ across an edge, over the columns of `extended_jacobian`."""
+        row = np.zeros(self._size)
+        first = self._kin.robot.model.nv + 2 * edge.finger
+        row[first : first + 2] = edge.direction
+        picked: Array = row[self._place]
+        return picked
 
     def _live(self) -> BoolArray:
         """Which columns of `extended_jacobian` are variables: contacts hold some of them."""
