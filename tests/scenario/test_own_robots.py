@@ -76,6 +76,18 @@ def test_faults_of_the_parts_are_theirs(folder: Path) -> None:
         build(load("lift.yaml"))
 
 
+def test_a_robot_is_shown(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["robot", "wrists.parts.yaml"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1] == "  wrists.parts.yaml: 12 joints, moves in space"
+    assert lines[-4].split() == ["a_flange", "0", "0", "50"]
+    assert lines[-3].split() == ["b_flange", "500", "0", "50"]
+    assert lines[-1] == "  2 capsule"
+    assert main(["robot", "planar_gripper"]) == 0
+    assert main(["robot", "no/where.urdf"]) == 2
+    assert capsys.readouterr().err == "no file no/where.urdf\n"
+
+
 def test_where_a_robot_is_looked_for(folder: Path) -> None:
     file = folder / "sub" / "mine.urdf"
     file.parent.mkdir()

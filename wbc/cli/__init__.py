@@ -79,6 +79,7 @@ def parser() -> argparse.ArgumentParser:
     _add_check(commands)
     _add_view(commands)
     _add_plot(commands)
+    _add_robot(commands)
     _add_assemble(commands)
     for name, text in (
         ("list", "list the scenarios and robots that travel with wbc"),
@@ -131,6 +132,15 @@ def _add_plot(commands: Any) -> None:
     plot.add_argument("run", metavar="DIR", help="folder of a run, or its log.npz")
     plot.add_argument("--out", metavar="DIR2", help="folder of the pictures (default: DIR/plots)")
     plot.set_defaults(command=_later("wbc.cli.replay", "plot_command"))
+
+
+def _add_robot(commands: Any) -> None:
+    text = "show a robot's joints, the links at its ends, and its bodies"
+    robot = commands.add_parser("robot", help=text, description=text)
+    robot.add_argument(
+        "robot", metavar="ROBOT", help="a URDF, a file of parts, package://NAME/..., or a name"
+    )
+    robot.set_defaults(command=_later("wbc.cli.robot", "robot_command"))
 
 
 def _add_assemble(commands: Any) -> None:

@@ -41,7 +41,7 @@ def check_command(arguments: argparse.Namespace) -> int:
     )
     faults: list[str] = []
     for title, lines in (
-        ("robot", _robot(assembly.model)),
+        ("robot", robot_lines(assembly.model)),
         ("tasks, highest priority first", _tasks(assembly)),
         ("collision pairs", _pairs(assembly.pairs)),
         ("start", _start(assembly, faults)),
@@ -56,7 +56,8 @@ def check_command(arguments: argparse.Namespace) -> int:
     return 2 if faults else 0
 
 
-def _robot(model: RobotModel) -> Iterable[str]:
+def robot_lines(model: RobotModel) -> Iterable[str]:
+    """The joints with their limits, one line each."""
     where = "in its plane" if model.planar else "in space"
     coupled = f" and {model.n_full - model.nv} that follow them" if model.followers else ""
     yield f"{model.path.name}: {model.nv} joints{coupled}, moves {where}"
