@@ -156,11 +156,23 @@ def test_an_endless_joint_turns_far(tmp_path: Path) -> None:
     assert (model.lower[0], model.upper[0], model.velocity[0]) == (-1e3, 1e3, 2.0)
 
 
-def test_an_endless_joint_without_a_speed_is_refused(tmp_path: Path) -> None:
+def test_an_endless_joint_without_limits_has_none(tmp_path: Path) -> None:
     path = robot(tmp_path / "r.urdf", "", joint="", what='<sphere radius="0.1"/>')
-    with pytest.raises(UrdfError) as caught:
-        load_robot(path)
-    assert str(caught.value) == (
-        f"{path}:9: continuous joint 'turn' has no speed; "
-        'write <limit effort="..." velocity="..."/>'
+    model = load_robot(path)
+    assert (model.lower[0], model.upper[0], model.velocity[0]) == (-1e3, 1e3, 1e9)
+    assert model.effort[0] == 1e9
+
+
+def test_a_follower_may_leave_its_leader_no_room(tmp_path: Path) -> None:
+    """As in a real gripper's file: [0, 1] and the negative of [0, 1] have only 0 in common."""
+    path = robot(tmp_path / "r.urdf", "", what='<sphere radius="0.1"/>')
+    arm = path.read_text(encoding="utf-8").replace('"continuous"', '"revolute"')
+    arm = arm.replace("<limit", '<limit lower="0" upper="1"')
+    first = arm[arm.index('  <link name="arm') : arm.index("</robot>")]
+    second = first.replace('name="arm"', 'name="other"').replace('link="arm"', 'link="other"')
+    second = second.replace('"turn"', '"back"').replace(
+        "</joint>", '<mimic joint="turn" multiplier="-1"/></joint>'
     )
+    model = load_robot(put(path, arm.replace("</robot>", f"{second}</robot>")))
+    assert (model.lower[0], model.upper[0]) == (0.0, 0.0)
+    np.random.default_rng(0).uniform(model.lower, model.upper)  # refuses -0.0 above 0.0

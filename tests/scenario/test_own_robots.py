@@ -16,7 +16,7 @@ from wbc.scenario.build import Assembly, build
 from wbc.scenario.places import robot_file
 from wbc.scenario.robots import read_robot
 
-from .own_robots import need_example_robots
+from .own_robots import ROBOTS, need_example_robots
 
 PARTS = """\
 name: two_wrists
@@ -32,6 +32,14 @@ tasks:
 costs: {near: {type: collision, safety_distance: 2 cm}}
 stack: {priority: [hand]}
 simulation: {duration: 0.1 s, step: 2 ms}
+"""
+REST = """\
+name: rest
+robot: {{urdf: '{urdf}'}}
+tasks: {{rest: {{type: posture, gain: 1 /s}}}}
+costs: {{near: {{type: collision, safety_distance: 2 cm}}}}
+stack: {{priority: [rest]}}
+simulation: {{duration: 0.1 s, step: 2 ms}}
 """
 
 
@@ -139,3 +147,25 @@ def test_robots_of_others_do_what_they_are_asked(scenario: str) -> None:
     position, rotation, step = largest_errors(build(load(scenario)))
     assert position < 1e-8 and rotation < 1e-8
     assert step < 0.03
+
+
+@pytest.mark.parametrize(
+    "urdf",
+    [
+        "panda_description/urdf/panda.urdf",
+        "pr2_description/urdf/pr2.urdf",  # joints without end, followers, a gripper without room
+        "talos_data/robots/talos_full_v2.urdf",  # mirrored meshes, package:/// with three strokes
+        "tiago_description/robots/tiago_dual.urdf",  # a hundred joints, wheels without limits
+    ],
+)
+def test_real_robots_move_with_their_bodies_watched(urdf: str, tmp_path: Path) -> None:
+    need_example_robots()
+    file = tmp_path / "rest.yaml"
+    file.write_text(REST.format(urdf=f"{ROBOTS}/{urdf}"), encoding="utf-8")
+    assembly = build(load(file))
+    assert assembly.pairs is not None and assembly.pairs.kept
+    state = assembly.start
+    for _ in range(3):
+        record, state = assembly.controller.step(state)
+        assert np.isfinite(record.v).all() and np.isfinite(state.q).all()
+    assert np.all(state.q >= assembly.model.lower) and np.all(state.q <= assembly.model.upper)

@@ -8,7 +8,7 @@ from lxml import etree
 
 from wbc.errors import UrdfError, WbcError
 from wbc.robot.packages import locate
-from wbc.robot.urdf_joint import TURNS
+from wbc.robot.urdf_joint import TURNS, UNLIMITED
 
 
 def prepared(text: str, path: Path) -> str:
@@ -21,35 +21,30 @@ def prepared(text: str, path: Path) -> str:
         path: where it came from, which relative mesh files are seen from.
 
     Raises:
-        UrdfError: a collision mesh that is not found, a continuous joint without a velocity limit.
+        UrdfError: a collision mesh that is not found.
     """
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
     robot = etree.fromstring(text.encode("utf-8"), parser)
-    faults = [*_turn_endless(robot, path), *_find_meshes(robot, path)]
-    if faults:
-        raise UrdfError("\n".join(faults))
+    _turn_endless(robot)
+    _find_meshes(robot, path)
     return etree.tostring(robot, encoding="unicode")
 
 
-def _turn_endless(robot: etree._Element, path: Path) -> list[str]:
-    faults = []
+def _turn_endless(robot: etree._Element) -> None:
     for joint in robot.findall("joint"):
         if joint.get("type") != "continuous":
             continue
+        joint.set("type", "revolute")
         limit = joint.find("limit")
         if limit is None:
-            faults.append(
-                f"{path}:{joint.sourceline}: continuous joint '{joint.get('name')}' has no speed; "
-                'write <limit effort="..." velocity="..."/>'
+            limit = etree.SubElement(
+                joint, "limit", velocity=f"{UNLIMITED:g}", effort=f"{UNLIMITED:g}"
             )
-            continue
-        joint.set("type", "revolute")
         limit.set("lower", repr(-TURNS))
         limit.set("upper", repr(TURNS))
-    return faults
 
 
-def _find_meshes(robot: etree._Element, path: Path) -> list[str]:
+def _find_meshes(robot: etree._Element, path: Path) -> None:
     missing: list[tuple[int, str, str]] = []
     for mesh in robot.iter("mesh"):
         name = mesh.get("filename", "")
@@ -60,8 +55,7 @@ def _find_meshes(robot: etree._Element, path: Path) -> list[str]:
             owner = None if shape is None else shape.getparent()
             if owner is not None and owner.tag == "collision":
                 missing.append((mesh.sourceline or 1, name, str(error)))
-    if not missing:
-        return []
-    line, name, reason = missing[0]
-    more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
-    return [f"{path}:{line}: collision mesh '{name}'{more} is not found: {reason}"]
+    if missing:
+        line, name, reason = missing[0]
+        more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
+        raise UrdfError(f"{path}:{line}: collision mesh '{name}'{more} is not found: {reason}")

@@ -16,6 +16,8 @@ TYPES = (*MOVING, "fixed")
 TURNS = 1e3
 """A continuous joint is taken as a revolute one of this range to both sides, [rad]: Pinocchio would
 give it two numbers, cosine and sine, and no joint turns this far in a run."""
+UNLIMITED = 1e9
+"""Speed [rad/s] and torque [Nm] of a continuous joint whose file gives no limit."""
 _UNSUPPORTED = ("floating", "planar")
 _PARTS = (
     "parent",
@@ -149,7 +151,7 @@ def _check_limit(node: Node, type_: str | None, scope: Scope) -> Limits | None:
         if bounded:
             remedy = 'write <limit lower="..." upper="..." effort="..." velocity="..."/>'
             scope.fault(node, f"no <limit>, which a {type_} joint needs", remedy)
-        return None
+        return Limits(-TURNS, TURNS, UNLIMITED) if type_ == "continuous" else None
     ranged = "without it Pinocchio locks the joint at 0" if bounded else ""
     lower = scope.number(limit, "lower", ranged)
     upper = scope.number(limit, "upper", ranged)

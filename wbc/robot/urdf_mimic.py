@@ -108,8 +108,8 @@ def narrowed(joints: list[Joint], found: dict[str, Coupling], faults: Faults) ->
             continue  # missing limits are a fault of their own
         low, high = sorted(((own.lower - offset) / ratio, (own.upper - offset) / ratio))
         rest = Limits(
-            max(lead.lower, low),
-            min(lead.upper, high),
+            max(lead.lower, low) + 0.0,  # no -0.0, which NumPy's samples take for less than 0.0
+            min(lead.upper, high) + 0.0,
             min(lead.velocity, own.velocity / abs(ratio)),
         )
         if rest.lower > rest.upper:
