@@ -82,6 +82,7 @@ class Controller:
         self.phases = phases
         self.settings = settings
         self.task_names = tuple(task.name for task in law.stack.tasks)
+        self._costs = forecast
         self._forecast = TickForecast(law, forecast, settings.dt, supervisor.horizon)
         self._references = References(law.kin.grasp.count)
         self._tip_targets = tuple(self._references.tips)  # rows that follow the references
@@ -157,6 +158,11 @@ class Controller:
         tips = list(self._tips)
         rho[tips] = wanted[tips]
         return gains.Activation(rho, rho)
+
+    def like(self, phases: PhaseSequence, settings: Settings) -> Controller:
+        """A controller of the same robot, tasks and costs, in the same workspaces."""
+        supervisor, priority = self.supervisor, self._priority
+        return Controller(self.law, self._costs, supervisor, phases, priority, settings)
 
     def insert(self, state: ControllerState, task: str) -> ControllerState:
         """Ask for a task from the next tick on; it fades in. The next phase asks anew."""
