@@ -10,15 +10,11 @@ from textwrap import wrap
 
 import numpy as np
 
-from wbc.arrays import Array
 from wbc.cli.progress import SlowNotice
 from wbc.cli.session import load_with_settings
-from wbc.contact.classify import classify
-from wbc.contact.extended_finger import ExtendedKinematics
-from wbc.contact.grasp import ContactMode, ContactState, GraspClass
+from wbc.contact.grasp import ContactMode, GraspClass
 from wbc.control.phases import Phase
-from wbc.control.setup import close_grasp
-from wbc.errors import SetupError
+from wbc.control.rehearsal import Stage, rehearse
 from wbc.robot.model import RobotModel
 from wbc.robot.pruning import PairReport
 from wbc.scenario.build import Assembly, build
@@ -45,7 +41,7 @@ def check_command(arguments: argparse.Namespace) -> int:
         ("tasks, highest priority first", _tasks(assembly)),
         ("collision pairs", _pairs(assembly.pairs)),
         ("start", _start(assembly, faults)),
-        ("phases", _phases(assembly)),
+        ("phases", _phases(assembly, faults)),
     ):
         print(title)
         for line in lines:
@@ -155,9 +151,11 @@ def _start(assembly: Assembly, faults: list[str]) -> Iterable[str]:
             )
 
 
-def _phases(assembly: Assembly) -> Iterable[str]:
-    """Each phase's grasp, with its fingers closed on their planned contact points."""
-    q = assembly.start.q
+def _phases(assembly: Assembly, faults: list[str]) -> Iterable[str]:
+    """Each phase as it went in a rehearsal; what stands in the way is a fault."""
+    rehearsal = rehearse(assembly.controller, assembly.start)
+    faults += rehearsal.faults
+    stages = {stage.name: stage for stage in rehearsal.stages}
     for number, phase in enumerate(assembly.controller.phases.phases, start=1):
         touching = [
             f"{finger} {ContactMode(int(mode)).name.lower()}"
@@ -165,15 +163,17 @@ def _phases(assembly: Assembly) -> Iterable[str]:
             if mode != ContactMode.FREE
         ]
         yield f"{number}. {phase.name}: {', '.join(touching) or 'no contact'}{_ends(phase)}"
-        if not touching:
+        stage = stages.get(phase.name)
+        if stage is None:
+            yield "   not rehearsed: a phase before it did not end"
             continue
-        try:
-            q = _closed(assembly, phase, q)
-        except SetupError as error:
-            yield f"   not evaluated at the planned contact points: {error}"
-            continue
-        yield from (f"   {line}" for line in _grasp_lines(classify(assembly.controller.law.kin)))
-        yield f"   manipulability: {_manipulability(assembly, phase)}"
+        near = ""
+        if stage.nearest is not None:
+            near = f"; nearest {stage.nearest[0]}-{stage.nearest[1]}, {stage.distance:.3f} m"
+        yield f"   rehearsed: over at {stage.time:.2f} s{near}"
+        if stage.grasp is not None:
+            yield from (f"   {line}" for line in _grasp_lines(stage.grasp))
+            yield f"   manipulability: {_manipulability(assembly, phase, stage)}"
 
 
 def _grasp_fingers(assembly: Assembly) -> tuple[str, ...]:
@@ -185,20 +185,6 @@ def _ends(phase: Phase) -> str:
         return "; to the end"
     late = "" if math.isinf(phase.timeout) else f", by {phase.timeout:g} s or {phase.on_timeout}"
     return f"; {phase.until.time:g} s or more{late}"
-
-
-def _closed(assembly: Assembly, phase: Phase, q: Array) -> Array:
-    """Bring the kinematics to the phase's grasp near q; the configuration that closes it."""
-    kin, n = assembly.controller.law.kin, _count(assembly)
-    start = ContactState.planned(kin.grasp, phase.mode)
-    reference = kin.reference._replace(reach=phase.pad)
-    kin.reference = reference
-    closed = close_grasp(kin, q, start)
-    free = start._replace(mode=np.zeros(n, dtype=np.int64))
-    kin.update(closed, free, reference)
-    pivot = np.array([kin.touch(i) for i in range(n)]).reshape(n, 3, 3)
-    kin.update(closed, start._replace(pivot=pivot), reference)
-    return closed
 
 
 def _grasp_lines(grasp: GraspClass) -> Iterable[str]:
@@ -217,7 +203,7 @@ def _grasp_lines(grasp: GraspClass) -> Iterable[str]:
     yield f"{redundant}, {loose}"
     eps_f, eps_m = grasp.residuals
     closure = _closure(grasp)
-    yield f"force closure at the planned points: {closure}; eps_f {eps_f:.2g}, eps_m {eps_m:.2g} m²"
+    yield f"force closure: {closure}; eps_f {eps_f:.2g}, eps_m {eps_m:.2g} m²"
 
 
 def _closure(grasp: GraspClass) -> str:
@@ -227,13 +213,11 @@ def _closure(grasp: GraspClass) -> str:
     return "none with point contacts" if math.isinf(needed) else f"with friction above {needed:.3g}"
 
 
-def _manipulability(assembly: Assembly, phase: Phase) -> str:
-    """w = sqrt(det(J Jᵀ)) of (46) of each finger in contact."""
-    kin: ExtendedKinematics = assembly.controller.law.kin
-    size, unit = (2, "m²") if kin.grasp.planar else (3, "m³")
-    parts = []
-    for i in np.flatnonzero(phase.mode != ContactMode.FREE):
-        j = kin.robot.linear[i, :size]
-        w = math.sqrt(max(float(np.linalg.det(j @ j.T)), 0.0))
-        parts.append(f"{kin.grasp.fingers[i]} {w:.3g}")
-    return ", ".join(parts) + f" {unit}"
+def _manipulability(assembly: Assembly, phase: Phase, stage: Stage) -> str:
+    """w of (46) of each finger in contact."""
+    grasp = assembly.controller.law.kin.grasp
+    parts = [
+        f"{grasp.fingers[i]} {stage.manipulability[i]:.3g}"
+        for i in np.flatnonzero(phase.mode != ContactMode.FREE)
+    ]
+    return ", ".join(parts) + (" m²" if grasp.planar else " m³")

@@ -23,8 +23,9 @@ from wbc.cli.session import (
     results_folder,
     run_meta,
 )
+from wbc.control.rehearsal import rehearse
 from wbc.control.state import ControllerState, TickRecord
-from wbc.errors import WbcError
+from wbc.errors import SetupError, WbcError
 from wbc.recording import Log, Outcome, Recorder, summarize, write
 from wbc.recording.files import write_whole
 from wbc.scenario.build import Assembly, build
@@ -47,6 +48,8 @@ def run_command(arguments: argparse.Namespace) -> int:
     with contextlib.ExitStack() as stack:
         notice = stack.enter_context(SlowNotice(progress.say))
         assembly = build(loaded)
+        if simulation.rehearse:
+            _rehearsed(assembly)
         viewer = stack.enter_context(_Viewer(assembly, arguments)) if arguments.view else None
         session = _Session(assembly, Recorder(run_meta(assembly), assembly.ticks), progress)
         session.viewer = viewer
@@ -71,6 +74,14 @@ def run_command(arguments: argparse.Namespace) -> int:
             interrupts.ticking = interrupts.saving = False
             viewer.stay(folder)
     return 0 if summary["success"] and saved else 1
+
+
+def _rehearsed(assembly: Assembly) -> None:
+    """Refuse what a rehearsal shows to be impossible. Raises SetupError, a line per reason."""
+    faults = rehearse(assembly.controller, assembly.start).faults
+    if faults:
+        shown = assembly.loaded.source.shown
+        raise SetupError("\n".join(f"{shown}: {fault}" for fault in faults))
 
 
 @final

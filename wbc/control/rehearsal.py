@@ -15,6 +15,8 @@ from typing import NamedTuple, final
 import numpy as np
 
 from wbc.arrays import Array
+from wbc.contact.classify import classify
+from wbc.contact.grasp import GraspClass
 from wbc.control.controller import Controller
 from wbc.control.phases import ExitCondition, Phase, PhaseSequence
 from wbc.control.state import ControllerState, Measurement, TickRecord
@@ -39,6 +41,8 @@ class Stage(NamedTuple):
         at_limit: joints that stand at a limit there.
         nearest: the two bodies that came nearest during the phase, None where none are watched.
         distance: how near, [m].
+        grasp: what kind of grasp the fingers in contact form at its end; None where none is.
+        manipulability: (N,) w of (46) of each finger there, [m²] in the plane, else [m³].
     """
 
     name: str
@@ -48,6 +52,8 @@ class Stage(NamedTuple):
     at_limit: tuple[str, ...]
     nearest: tuple[str, str] | None
     distance: float
+    grasp: GraspClass | None
+    manipulability: Array
 
 
 @final
@@ -91,10 +97,10 @@ def rehearse(controller: Controller, start: ControllerState, tick: float = TICK)
             stages.append(_stage(coarse, state, record, nearest))
             if collided:
                 faults.append(_collision(stages[-1]))
-            if state.phase.stopped:
+            elif state.phase.stopped:
                 faults.append(_unfinished(coarse, stages[-1], record))
             break
-    return Rehearsal(tuple(stages), tuple(faults))
+    return Rehearsal(tuple(stages), (*faults, *_loose(stages)))
 
 
 def _coarse(phase: Phase) -> Phase:
@@ -132,6 +138,9 @@ def _stage(
     phase = controller.phases.phases[state.phase.current]
     first = len(controller.task_names) - len(phase.reach)
     gap = np.where(np.isfinite(phase.reach), record.task_error[first:], np.nan)
+    kin = controller.law.kin.update(state.q, state.contact, controller.law.kin.reference)
+    jacobians = kin.robot.linear[: len(gap), : 2 if kin.grasp.planar else 3]
+    squares = np.linalg.det(jacobians @ jacobians.transpose(0, 2, 1))
     return Stage(
         phase.name,
         record.t,
@@ -140,7 +149,19 @@ def _stage(
         tuple(model.joint_names[j] for j in np.flatnonzero(room < _AT_LIMIT)),
         nearest[1],
         nearest[0],
+        classify(kin) if kin.holding else None,
+        np.sqrt(np.maximum(squares, 0.0)),
     )
+
+
+def _loose(stages: list[Stage]) -> list[str]:
+    """Grasps that no friction holds."""
+    return [
+        f"phase '{stage.name}': {' and '.join(stage.grasp.fingers)} do not hold the object: "
+        "the grasp is not force closed, whatever the friction (move the contact points)"
+        for stage in stages
+        if stage.grasp is not None and math.isinf(stage.grasp.friction_needed)
+    ]
 
 
 def _collision(stage: Stage) -> str:

@@ -204,6 +204,9 @@ class Simulation(Block):
     step: PositiveTime
     integrator: Literal["rk4", "euler"] = "rk4"
     seed: Count = 0
+    rehearse: Flag = Field(
+        default=False, description="before it moves, a run goes through the phases quickly"
+    )
 
 
 @final
