@@ -53,8 +53,9 @@ def test_each_phase_has_its_grasp(told):
     assert "f3 sliding, f4 sliding" in heads[1]
     sizes = [line.split(",")[0] for line in phases if line.startswith("J~")]
     assert sizes == ["J~ 6 x 16", "J~ 12 x 20", "J~ 12 x 18", "J~ 6 x 16", "J~ 6 x 16"]
-    assert phases[2] == "redundant (f1, f2), determinate"
-    assert phases[3].startswith("force closure at the planned points: with any friction")
+    assert phases[1].startswith("rehearsed: over at 0.80 s; nearest right_finger")
+    assert phases[3] == "redundant (f1, f2), determinate"
+    assert phases[4].startswith("force closure: with any friction")
     assert sum(line.startswith("manipulability:") for line in phases) == len(heads)
 
 

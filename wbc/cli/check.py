@@ -153,9 +153,11 @@ def _start(assembly: Assembly, faults: list[str]) -> Iterable[str]:
 
 def _phases(assembly: Assembly, faults: list[str]) -> Iterable[str]:
     """Each phase as it went in a rehearsal; what stands in the way is a fault."""
-    rehearsal = rehearse(assembly.controller, assembly.start)
-    faults += rehearsal.faults
-    stages = {stage.name: stage for stage in rehearsal.stages}
+    stages: dict[str, Stage] = {}
+    if not faults:  # from a start in collision there is nothing to rehearse
+        rehearsal = rehearse(assembly.controller, assembly.start)
+        faults += rehearsal.faults
+        stages = {stage.name: stage for stage in rehearsal.stages}
     for number, phase in enumerate(assembly.controller.phases.phases, start=1):
         touching = [
             f"{finger} {ContactMode(int(mode)).name.lower()}"
@@ -165,7 +167,7 @@ def _phases(assembly: Assembly, faults: list[str]) -> Iterable[str]:
         yield f"{number}. {phase.name}: {', '.join(touching) or 'no contact'}{_ends(phase)}"
         stage = stages.get(phase.name)
         if stage is None:
-            yield "   not rehearsed: a phase before it did not end"
+            yield "   not rehearsed: what comes before it failed"
             continue
         near = ""
         if stage.nearest is not None:
