@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
@@ -94,11 +95,17 @@ def _axes(names: Sequence[str]) -> IntArray:
 
 
 def _force(name: str, spec: kinds.EquilibriumForceSpec, context: Context) -> Task:
-    return EquilibriumForce(*_common(name, spec), squared=spec.measure == "squared")
+    planar = context.kin.grasp.planar
+    return EquilibriumForce(*_common(name, spec), squared=spec.measure == "squared", planar=planar)
 
 
 def _moment(name: str, spec: kinds.EquilibriumMomentSpec, context: Context) -> Task:
-    return EquilibriumMoment(*_common(name, spec), squared=spec.measure == "squared")
+    return EquilibriumMoment(
+        *_common(name, spec),
+        squared=spec.measure == "squared",
+        planar=context.kin.grasp.planar,
+        about_contacts=spec.about == "contacts",
+    )
 
 
 def _manipulability(name: str, spec: kinds.ManipulabilitySpec, context: Context) -> Task:
@@ -155,7 +162,7 @@ def _relative_pose(name: str, spec: kinds.RelativePoseSpec, context: Context) ->
 def _posture(name: str, spec: kinds.PostureSpec, context: Context) -> Task:
     model = context.kin.robot.model
     target = spec.target or {}
-    joints = spec.joints
+    joints = None if spec.joints is None else matching(spec.joints, model.joint_names)
     if joints is None:
         joints = model.joint_names if "*" in target or not target else tuple(target)
     goal = [
@@ -165,6 +172,11 @@ def _posture(name: str, spec: kinds.PostureSpec, context: Context) -> Task:
     ]  # fmt: skip
     indices = np.array([model.joint(joint) for joint in joints], dtype=np.int64)
     return Posture(*_common(name, spec), indices, read_only(goal))
+
+
+def matching(patterns: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
+    """The names that patterns like ``left_arm_*`` fit, each once, in the patterns' order."""
+    return tuple(dict.fromkeys(n for p in patterns for n in names if fnmatchcase(n, p)))
 
 
 def _center_of_mass(name: str, spec: kinds.CenterOfMassSpec, context: Context) -> Task:

@@ -203,6 +203,9 @@ class EquilibriumMomentSpec(TaskSpec):
 
     type: Literal["equilibrium_moment"]
     measure: Measure = "norm"
+    about: Literal["object", "contacts"] = Field(
+        default="object", description="its origin, as published, or the centre of what slides"
+    )
 
 
 @final
@@ -270,7 +273,9 @@ class PostureSpec(TaskSpec):
 
     type: Literal["posture"]
     target: PerJoint | None = None
-    joints: tuple[str, ...] | None = Field(default=None, description="all of them when not given")
+    joints: tuple[str, ...] | None = Field(
+        default=None, description="names or patterns like left_arm_*; all when not given"
+    )
 
 
 @final

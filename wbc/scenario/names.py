@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from fnmatch import fnmatchcase
 from typing import Literal
 
 from wbc.errors import follower_refusal
@@ -54,6 +55,8 @@ def check_names(
         *((path, joint, "value") for path, joint in _listed_joints(scenario)),
     ]
     for path, joint, on in named:
+        if on == "value" and "*" in joint and any(fnmatchcase(name, joint) for name in joints):
+            continue
         if joint in driven:
             faults.add(path, follower_refusal(joint, driven[joint]), on=on)
         elif joint not in joints:

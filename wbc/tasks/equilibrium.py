@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from wbc.arrays import Array
+from wbc.arrays import Array, IntArray
 from wbc.compiled import kernel
 from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.rotations import cross
@@ -17,9 +17,13 @@ from wbc.tasks.base import Task, TaskRows
 # residual is zero, but the direction in which it can vary is not.
 _DIRECTION_FLOOR = 1e-9
 
-# On its way to the goal the moment's row can become parallel to the force's: two sliding fingers
-# give both no more than two degrees of freedom. Through such a place the moment waits.
-_EXACT_SHARE = 0.3
+# Share of freedom from which a row is fulfilled exactly. In the plane two sliding fingers have two
+# degrees of freedom: on its way to the goal the moment's row can become parallel to the force's,
+# and through such a place it waits. In space a row is long by what the arm could do to it, and
+# short is what the object and the other contacts leave of that, the motion of the fingers.
+_EXACT_PLANE = 0.3
+_EXACT_SPACE = 1e-3
+_SLIDING = 2
 
 
 @kernel
@@ -69,24 +73,23 @@ def _force_row(
 
 @kernel
 def _moment_row(
-    charts: Array,
-    frame: Array,
-    normal_xi: Array,
-    share: Array,
-    squared: bool,
-    planar: bool,
-    nv: int,
-    error: Array,
-    jacobian: Array,
-) -> None:
-    m = np.zeros(3)
+    charts: Array, frame: Array, normal_xi: Array, share: Array, weight: Array, squared: bool,
+    planar: bool, nv: int, error: Array, jacobian: Array,
+) -> None:  # fmt: skip
+    m, f, center = np.zeros(3), np.zeros(3), np.zeros(3)
     n = charts.shape[0]
     dm = np.zeros((3, 2 * n))
     for i in range(n):
-        m += share[i] * cross(charts[i, 0], frame[i, :, 2])
+        f += share[i] * frame[i, :, 2]
+        center += weight[i] * charts[i, 0]
+    for i in range(n):
+        arm = charts[i, 0] - center
+        m += share[i] * cross(arm, frame[i, :, 2])
         for k in range(2):
-            turning = cross(charts[i, 0], normal_xi[i, :, k])
-            dm[:, 2 * i + k] = share[i] * (cross(charts[i, 1 + k], frame[i, :, 2]) + turning)
+            along = charts[i, 1 + k]
+            turning = cross(arm, normal_xi[i, :, k])
+            dm[:, 2 * i + k] = share[i] * (cross(along, frame[i, :, 2]) + turning)
+            dm[:, 2 * i + k] -= weight[i] * cross(along, f)
     if squared:
         error[0] = -0.5 * np.sum(m * m)
         jacobian[0, nv:] = m @ dm
@@ -96,6 +99,17 @@ def _moment_row(
     else:
         error[0] = -np.sqrt(np.sum(m * m))
         jacobian[0, nv:] = _direction(m, dm) @ dm
+
+
+@kernel
+def _center_weights(mode: IntArray, share: Array, weight: Array) -> None:
+    """Weights of the contact points in the centre of those that slide, by their shares."""
+    total = 0.0
+    for i in range(mode.shape[0]):
+        weight[i] = share[i] if mode[i] == _SLIDING else 0.0
+        total += weight[i]
+    if total > 0.0:
+        weight /= total
 
 
 @final
@@ -108,9 +122,13 @@ class EquilibriumForce(Task):
     ε_f = ½ fᵀf itself (`squared`) is the published task: its Jacobian vanishes with it, so any
     damping stalls it. The vector f is no task either: at the goal its rank drops and away from it
     it takes all the freedom that the moment needs.
+
+    Attributes:
+        planar: the grasp is; it decides from which share of freedom on the gain is exact.
     """
 
     squared: bool = False
+    planar: bool = True
 
     @property
     def rows(self) -> int:
@@ -118,7 +136,7 @@ class EquilibriumForce(Task):
 
     @property
     def exact_share(self) -> float:
-        return _EXACT_SHARE
+        return _EXACT_PLANE if self.planar else _EXACT_SPACE
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
         _force_row(
@@ -133,9 +151,15 @@ class EquilibriumMoment(Task):
     """σ = m, m = Σ c_i × s_i n̂_i (45): signed in the plane, |m| in space; one row, [m].
 
     `squared` gives the published ε_m = ½ mᵀm, [m²].
+
+    About the object's origin, as printed, sliding contacts far from it move m by what they do to f,
+    and the row is almost the force's. About the centre of the sliding contacts (`about_contacts`)
+    it is what is left of m when the forces balance: both vanish together, and the rows differ.
     """
 
     squared: bool = False
+    planar: bool = True
+    about_contacts: bool = False
 
     @property
     def rows(self) -> int:
@@ -143,10 +167,13 @@ class EquilibriumMoment(Task):
 
     @property
     def exact_share(self) -> float:
-        return _EXACT_SHARE
+        return _EXACT_PLANE if self.planar else _EXACT_SPACE
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
+        weight = np.zeros(kin.grasp.count)
+        if self.about_contacts:
+            _center_weights(kin.state.mode, kin.grasp.share, weight)
         _moment_row(
-            kin.charts, kin.frame, kin.normal_xi, kin.grasp.share, self.squared, kin.grasp.planar,
-            kin.robot.model.nv, out.error, out.jacobian,
+            kin.charts, kin.frame, kin.normal_xi, kin.grasp.share, weight, self.squared,
+            kin.grasp.planar, kin.robot.model.nv, out.error, out.jacobian,
         )  # fmt: skip
