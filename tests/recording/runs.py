@@ -104,6 +104,7 @@ def phase(name: str, until: ExitCondition, timeout: float, reach: tuple[float, f
         name=name,
         mode=np.array([1, 0]),
         reach=np.array(reach),
+        offset=np.zeros((2, 3)),
         wanted=np.ones(4, dtype=bool),
         pad=np.zeros(2),
         until=until,

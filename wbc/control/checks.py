@@ -63,6 +63,8 @@ def controller(
         for name, size in (("mode", fingers), ("reach", fingers), ("pad", fingers)):
             if np.shape(getattr(phase, name)) != (size,):
                 raise SetupError(f"phase '{phase.name}': {name} must have shape ({size},)")
+        if np.shape(phase.offset) != (fingers, 3):
+            raise SetupError(f"phase '{phase.name}': offset must have shape ({fingers}, 3)")
         if np.shape(phase.wanted) != (len(tasks),):
             raise SetupError(f"phase '{phase.name}': wanted must have shape ({len(tasks)},)")
         if any(not 0 <= k < len(tasks) for k, _ in phase.until.residuals):

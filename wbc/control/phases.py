@@ -60,6 +60,7 @@ class Phase:
         name: unique.
         mode: (N,) ContactMode of each finger.
         reach: (N,) clearance outside the surface that a free tip goes to, [m]; NaN: it does not.
+        offset: (N, 3) how far beside that, in the object's axes, [m].
         wanted: (M,) tasks asked for, tips included.
         pad: (N,) l − Δl at the end of the phase, [m].
         object_motion: where the object goes; None: it stays.
@@ -72,6 +73,7 @@ class Phase:
     name: str
     mode: IntArray
     reach: Array
+    offset: Array
     wanted: BoolArray
     pad: Array
     object_motion: ObjectMotion | None = None
@@ -141,7 +143,8 @@ class PhaseSequence:
             if phase.mode[i] != ContactMode.FREE:
                 tips[1, i] = tips[0, i]  # where it touches it stays while its tip task fades
             elif np.isfinite(phase.reach[i]):
-                tips[1, i] = point + (grasp.rest_length[i] + phase.reach[i]) * normal
+                out = grasp.rest_length[i] + phase.reach[i]
+                tips[1, i] = point + out * normal + phase.offset[i]
             else:
                 tips[1, i] = tips[0, i]
         return Motion(t, max(phase.over, 1e-9), position, rotation, turn, reach, tips)

@@ -58,8 +58,10 @@ def _phase(spec: schema.Phase, grasp: Grasp, tasks: list[str], force: Array) -> 
     reach = np.full(count, math.nan)
     for name, kind in spec.contacts.items():
         mode[grasp.fingers.index(name)] = ContactMode[kind.upper()]
+    offset = np.zeros((count, 3))
     for name, goal in spec.reach.items():
         reach[grasp.fingers.index(name)] = goal.clearance
+        offset[grasp.fingers.index(name)] = goal.offset
     wanted = np.array([name in spec.tasks for name in tasks], dtype=np.bool_)
     if count:
         wanted[len(tasks) - count :] = np.isfinite(reach)
@@ -68,6 +70,7 @@ def _phase(spec: schema.Phase, grasp: Grasp, tasks: list[str], force: Array) -> 
         name=spec.name,
         mode=mode,
         reach=reach,
+        offset=offset,
         wanted=wanted,
         pad=grasp.rest_length - np.minimum(pressed, grasp.rest_length),
         object_motion=_object_motion(spec),

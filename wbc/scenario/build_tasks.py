@@ -95,14 +95,19 @@ def _axes(names: Sequence[str]) -> IntArray:
 
 
 def _force(name: str, spec: kinds.EquilibriumForceSpec, context: Context) -> Task:
-    planar = context.kin.grasp.planar
-    return EquilibriumForce(*_common(name, spec), squared=spec.measure == "squared", planar=planar)
+    return EquilibriumForce(
+        *_common(name, spec),
+        squared=spec.measure == "squared",
+        vector=spec.measure == "vector",
+        planar=context.kin.grasp.planar,
+    )
 
 
 def _moment(name: str, spec: kinds.EquilibriumMomentSpec, context: Context) -> Task:
     return EquilibriumMoment(
         *_common(name, spec),
         squared=spec.measure == "squared",
+        vector=spec.measure == "vector",
         planar=context.kin.grasp.planar,
         about_contacts=spec.about == "contacts",
     )

@@ -31,7 +31,7 @@ from wbc.scenario.units import (
 Exponent: TypeAlias = Annotated[float, Quantity("number", least=2.0)]
 Size3: TypeAlias = Annotated[tuple[PositiveLength, PositiveLength, PositiveLength], Entries(3)]
 Axes: TypeAlias = Annotated[tuple[Axis, ...], Entries(1, 3)]
-Measure: TypeAlias = Literal["norm", "squared"]
+Measure: TypeAlias = Literal["norm", "vector", "squared"]
 
 
 class SurfaceSpec(Block):

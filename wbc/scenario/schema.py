@@ -21,6 +21,7 @@ from wbc.scenario.blocks import (
     Pairs,
     Pose,
     Text,
+    Vector3,
 )
 from wbc.scenario.kinds import AnyCost, AnySurface, AnyTask
 from wbc.scenario.units import (
@@ -139,6 +140,9 @@ class Reach(Block):
     """A free tip goes to its contact point."""
 
     clearance: Distance = Field(description="how far outside the surface")
+    offset: Vector3 = Field(
+        default=(0.0, 0.0, 0.0), description="and how far beside that, in the object's axes"
+    )
 
 
 @final

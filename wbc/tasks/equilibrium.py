@@ -63,7 +63,10 @@ def _force_row(
     for i in range(n):
         f += share[i] * frame[i, :, 2]
         df[:, 2 * i : 2 * i + 2] = share[i] * normal_xi[i]
-    if squared:
+    if error.shape[0] == 3:
+        error[:] = -f
+        jacobian[:, nv:] = df
+    elif squared:
         error[0] = -0.5 * np.sum(f * f)
         jacobian[0, nv:] = f @ df
     else:
@@ -90,7 +93,10 @@ def _moment_row(
             turning = cross(arm, normal_xi[i, :, k])
             dm[:, 2 * i + k] = share[i] * (cross(along, frame[i, :, 2]) + turning)
             dm[:, 2 * i + k] -= weight[i] * cross(along, f)
-    if squared:
+    if error.shape[0] == 3:
+        error[:] = -m
+        jacobian[:, nv:] = dm
+    elif squared:
         error[0] = -0.5 * np.sum(m * m)
         jacobian[0, nv:] = m @ dm
     elif planar:
@@ -120,19 +126,23 @@ class EquilibriumForce(Task):
     The shares s_i are 1 in the chapter. A thumb that opposes two fingers has 2.
 
     ε_f = ½ fᵀf itself (`squared`) is the published task: its Jacobian vanishes with it, so any
-    damping stalls it. The vector f is no task either: at the goal its rank drops and away from it
-    it takes all the freedom that the moment needs.
+    damping stalls it. In the plane the vector f is no task either: at the goal its rank drops and
+    away from it it takes all the freedom that the moment needs. In space, where the normals of
+    three fingers are not all parallel, it is the better one (`vector`): the row of |f| turns with
+    f, the faster the less a direction of f can be moved.
 
     Attributes:
+        vector: the three rows of f instead of its length.
         planar: the grasp is; it decides from which share of freedom on the gain is exact.
     """
 
     squared: bool = False
+    vector: bool = False
     planar: bool = True
 
     @property
     def rows(self) -> int:
-        return 1
+        return 3 if self.vector else 1
 
     @property
     def exact_share(self) -> float:
@@ -155,15 +165,17 @@ class EquilibriumMoment(Task):
     About the object's origin, as printed, sliding contacts far from it move m by what they do to f,
     and the row is almost the force's. About the centre of the sliding contacts (`about_contacts`)
     it is what is left of m when the forces balance: both vanish together, and the rows differ.
+    `vector`: the three rows of m instead of its length, as of the force.
     """
 
     squared: bool = False
+    vector: bool = False
     planar: bool = True
     about_contacts: bool = False
 
     @property
     def rows(self) -> int:
-        return 1
+        return 3 if self.vector else 1
 
     @property
     def exact_share(self) -> float:
