@@ -24,11 +24,18 @@ def demo_scene(planar: bool = True, title: str = "two boxes") -> Scene:
     vertices, triangles = extrude(line, -0.02, 0.02)
     outline = np.column_stack((line, np.zeros(len(line))))
     shapes = [SceneShape("base", "box", None, (0.9, 0.03, 0.03), placement=shifted(0, -0.3, 0))]
-    for body in BODIES:
+    for body, contact in zip(BODIES, CONTACTS, strict=True):
         shapes += [
             SceneShape("palm", "box", body, (0.06, 0.16, 0.04), rgba=(0.36, 0.45, 0.60, 1.0)),
             SceneShape("arm", "cylinder", body, (0.015, 0.25), placement=shifted(0, 0, 0.1)),
-            SceneShape("tip", "sphere", body, (0.025,), placement=shifted(0, 0.09, 0)),
+            SceneShape(
+                "tip",
+                "sphere",
+                body,
+                (0.025,),
+                placement=shifted(0, 0.09, 0),
+                finger=contact,
+            ),
             SceneShape("finger", "capsule", body, (0.012, 0.06), placement=shifted(0, -0.09, 0)),
         ]
     return Scene(
@@ -65,11 +72,14 @@ def demo_snapshot(t: float, matrices: bool = False) -> Snapshot:
         object_pose=pose,
         contact_points=np.array([(-0.11, y, 0.0), (0.11, y, 0.0)]),
         contact_normals=np.array([(-1.0, 0.0, 0.0), (1.0, 0.0, 0.0)]),
-        in_contact=np.array([True, touching]),
+        contact_mode=np.array([1, 2 * int(touching)]),
         in_stack=np.array([True, True, touching, False]),
         activation=np.array([1.0, 1.0, 0.5 + 0.5 * np.sin(2 * t), 0.1]),
         phase=int(t) % 3,
         eps_f=10.0 ** (-1 - t),
         eps_m=10.0 ** (-2 - t),
+        error=(1e-6 * t, 2e-6 * t),
+        distance=0.01 + 0.001 * t,
+        status="slowed by limits",
         text="posture left the stack at 0.42 s",
     )

@@ -145,7 +145,7 @@ def test_a_scene_without_object_or_contacts():
         bodies=np.zeros((0, 7)),
         contact_points=np.zeros((0, 3)),
         contact_normals=np.zeros((0, 3)),
-        in_contact=np.zeros(0, dtype=bool),
+        contact_mode=np.zeros(0, dtype=np.int64),
     )
     assert moving_commands(scene, empty) == {}
 

@@ -37,12 +37,15 @@ def uniform(k: int, layout: Layout = LAYOUT) -> Snapshot:
         object_pose=np.full(7, float(k)),
         contact_points=np.full((c, 3), float(k)),
         contact_normals=np.full((c, 3), float(k)),
-        in_contact=np.full(c, flag),
+        contact_mode=np.full(c, k % 3),
         in_stack=np.full(m, flag),
         activation=np.full(m, float(k)),
         phase=k,
         eps_f=float(k),
         eps_m=float(k),
+        error=(float(k), float(k)),
+        distance=float(k),
+        status=str(k),
         text=str(k),
     )
 
@@ -50,11 +53,13 @@ def uniform(k: int, layout: Layout = LAYOUT) -> Snapshot:
 def is_whole(s: Snapshot) -> bool:
     k = s.t
     numbers = (s.bodies, s.object_pose, s.contact_points, s.contact_normals, s.activation)
-    flags = (s.in_contact, s.in_stack)
+    flags = (s.in_stack,)
     return (
         all(bool((a == k).all()) for a in numbers)
         and all(bool((f == bool(k % 2)).all()) for f in flags)
         and (s.phase, s.eps_f, s.eps_m, s.text) == (int(k), k, k, str(int(k)))
+        and (*s.error, s.distance, s.status) == (k, k, k, str(int(k)))
+        and bool((s.contact_mode == k % 3).all())
         and s.bodies.ndim == (2 if k % 3 else 3)
     )
 

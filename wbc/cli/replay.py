@@ -26,7 +26,7 @@ from wbc.view import LiveView, Scene, Snapshot, replay
 from wbc.view.from_robot import SnapshotMaker, event_text, robot_scene
 
 _FPS = 60.0  # of a replay: more is not seen
-_PICTURES = 5
+_PICTURES = 6
 _WAIT = 30.0  # for a browser to open the page, [s]
 
 
@@ -127,6 +127,7 @@ def open_film(run: str) -> Film:
         model,
         grasp,
         title=log.meta.scenario,
+        tips=[scenario.robot.fingers[name] for name in grasp.fingers],
         task_names=log.task_names,
         phase_names=log.phase_names,
         shown=[(log.q[0], log.object_pose[0, :3]), (log.q[-1], log.object_pose[-1, :3])],

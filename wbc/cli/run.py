@@ -92,10 +92,12 @@ class _Viewer:
         controller, model = assembly.controller, assembly.model
         shown = len(controller.task_names) - controller.law.kin.grasp.count
         main = () if assembly.main_task is None else (assembly.main_task,)
+        fingers = assembly.loaded.scenario.robot.fingers
         scene = robot_scene(
             model,
             controller.law.kin.grasp,
             title=assembly.loaded.scenario.name,
+            tips=[fingers[name] for name in controller.law.kin.grasp.fingers],
             task_names=(*main, *controller.task_names[:shown]),
             phase_names=tuple(phase.name for phase in controller.phases.phases),
             shown=[(assembly.start.q, controller.law.kin.object_position)],

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from wbc.arrays import Array, BoolArray
 from wbc.errors import WbcError
@@ -28,6 +31,8 @@ from wbc.recording.figures import (
 from wbc.recording.log import Log
 from wbc.recording.summary import CONVERGED, velocity_steps
 
+_MOST_JOINTS = 12  # with a colour of their own
+_LEGEND = 8  # entries side by side
 _STRIP = 0.1  # part of a panel's height in which the gain is drawn, below the curve
 
 
@@ -154,33 +159,119 @@ def _bar(axes: Axes, log: Log, row: int, within: BoolArray, activation: Array, c
 
 
 def motion(log: Log) -> Figure:
-    """Joint positions, velocities, and the largest step of a velocity in one tick."""
+    """Joint positions, velocities, and the largest step of a velocity in one tick.
+
+    Of many joints the positions are shown within their limits, and instead of a colour for each
+    joint there is one per limb, with the names of the joints that come furthest.
+    """
     figure, (top, middle, bottom) = panels(3, 1, height=2.3)
-    meta, n = log.meta, len(log.joint_names)
-    time_axis(top, log, "Joint positions", "q [rad] ([m])")
+    many = len(log.joint_names) > _MOST_JOINTS
     time_axis(middle, log, "Joint velocities", "v [rad/s] ([m/s])")
     time_axis(bottom, log, "Largest velocity step per tick", "max |Δv| [rad/s]")
+    if many:
+        _many_joints(top, middle, log)
+    else:
+        _few_joints(top, middle, log)
+    _limit_lines(middle, () if many else _both(log.meta.v_limit))
+    steps = velocity_steps(log)
+    bottom.plot(log.t, above_zero(steps), color=COLORS[0])
+    log_axis(bottom, [steps], most_decades=8)
+    for t in log.event_t:
+        bottom.axvline(t, color=WARNING, linewidth=0.8, linestyle=(0, (2, 2)))
+    entries = top.get_legend_handles_labels()
+    if many:
+        figure.legend(*entries, loc="outside lower center", fontsize=7.5, ncols=len(COLORS))
+    else:
+        figure.legend(*entries, loc="outside right upper", fontsize=7.5)
+    return figure
+
+
+def _few_joints(top: Axes, middle: Axes, log: Log) -> None:
+    """A colour and an entry of the legend for each."""
+    time_axis(top, log, "Joint positions", "q [rad] ([m])")
+    n = len(log.joint_names)
     for j, name in enumerate(log.joint_names):
         color, dash = colormaps["viridis"](0.95 * j / max(n - 1, 1)), DASHES[j % len(DASHES)]
         top.plot(log.t, log.q[:, j], color=color, linestyle=dash, label=name)
         middle.plot(log.t, log.v[:, j], color=color, linestyle=dash)
     degrees = top.secondary_yaxis("right", functions=(np.rad2deg, np.deg2rad))
     degrees.set_ylabel("[°]")
-    for axes, limits in ((top, (*meta.q_lower, *meta.q_upper)), (middle, _both(meta.v_limit))):
-        # limits shared by all joints are lines; a limit far from the motion would flatten it
-        low, high = axes.get_ylim()
-        room = 0.15 * (high - low)
-        shown = [x for x in sorted(set(limits)) if low - room < x < high + room]
-        axes.set_ylim(min([low, *(x - 0.1 * room for x in shown)]), max([high, *shown]) + room)
-        for value in shown:
-            threshold(axes, value, "limit")
-    steps = velocity_steps(log)
-    bottom.plot(log.t, above_zero(steps), color=COLORS[0])
-    log_axis(bottom, [steps], most_decades=8)
-    for t in log.event_t:
-        bottom.axvline(t, color=WARNING, linewidth=0.8, linestyle=(0, (2, 2)))
-    figure.legend(*top.get_legend_handles_labels(), loc="outside right upper", fontsize=7.5)
-    return figure
+    _limit_lines(top, (*log.meta.q_lower, *log.meta.q_upper))
+
+
+def _many_joints(top: Axes, middle: Axes, log: Log) -> None:
+    """A colour for each limb, and the names of those joints that come furthest."""
+    limbs = joint_groups(log.joint_names)
+    of = {j: k for k, (_, members) in enumerate(limbs) for j in members}
+    lower, upper = (np.array(limit) for limit in (log.meta.q_lower, log.meta.q_upper))
+    within = len(lower) > 0 and bool(np.isfinite([lower, upper]).all())
+    time_axis(
+        top, log, "Joint positions" + (" within their limits" if within else ""),
+        "share of the range [1]" if within else "q [rad] ([m])",
+    )  # fmt: skip
+    shown = (log.q - lower) / (upper - lower) if within else log.q
+    for k, (limb, members) in enumerate(limbs):
+        color = COLORS[k % len(COLORS)]
+        top.plot(log.t, shown[:, members], color=color, linewidth=0.8, alpha=0.75)
+        middle.plot(log.t, log.v[:, members], color=color, linewidth=0.8, alpha=0.75)
+        top.plot([], [], color=color, label=f"{limb} ({len(members)})")
+    if within:
+        _name_furthest(top, log, shown, np.abs(shown - 0.5), of)
+        top.set_ylim(-0.08, 1.08)
+        threshold(top, 1.0, "upper limits")
+        threshold(top, 0.0, "lower limits")
+    _name_furthest(middle, log, log.v, np.abs(log.v), of)
+
+
+def _name_furthest(
+    axes: Axes, log: Log, shown: Array, score: Array, limb: dict[int, int], count: int = 3
+) -> None:
+    """Write the names of the joints of the largest scores (T, n) at their curves."""
+    score = np.where(np.isfinite(score), score, -1.0)
+    placed: list[tuple[float, float]] = []
+    low, high = axes.get_ylim()
+    wide, tall = 0.25 * float(np.ptp(log.t)), 0.1 * (high - low)
+    for j in np.argsort(-score.max(axis=0), kind="stable"):
+        k = int(np.argmax(score[:, j]))
+        x, y = float(log.t[k]), float(shown[k, j])
+        if len(placed) == count or score[k, j] <= 0.0:
+            return
+        if any(abs(x - a) < wide and abs(y - b) < tall for a, b in placed):
+            continue  # it would be written over another
+        placed.append((x, y))
+        axes.annotate(
+            log.joint_names[j], (x, y), xytext=(3, -7 if y > 0.5 * (low + high) else 3),
+            textcoords="offset points", fontsize=7.0, zorder=6,
+            color=COLORS[limb[int(j)] % len(COLORS)],
+            ha="left" if x < 0.5 * (log.t[0] + log.t[-1]) else "right",
+            path_effects=[withStroke(linewidth=2.0, foreground="white")],
+        )  # fmt: skip
+
+
+def joint_groups(names: Sequence[str]) -> list[tuple[str, list[int]]]:
+    """Joints by limb: as many parts of their names, cut at underscores, as give few groups.
+
+    Returns:
+        Name of the limb and the joints' indices, in the order of the joints.
+    """
+    parts = [re.split(r"[_./ -]+", name) for name in names]
+    for depth in (2, 1):
+        groups: dict[str, list[int]] = {}
+        for j, words in enumerate(parts):
+            groups.setdefault("_".join(words[: min(depth, max(len(words) - 1, 1))]), []).append(j)
+        if len(groups) <= len(COLORS):
+            return list(groups.items())
+    return [("joints", list(range(len(names))))]
+
+
+def _limit_lines(axes: Axes, limits: tuple[float, ...]) -> None:
+    """Limits near the motion as lines; one far from it would flatten it."""
+    low, high = axes.get_ylim()
+    room = 0.15 * (high - low)
+    shown = [x for x in sorted(set(limits)) if low - room < x < high + room]
+    axes.set_ylim(min([low, *(x - 0.1 * room for x in shown)]), max([high, *shown]) + room)
+    for value in shown:
+        threshold(axes, value, "limit")
 
 
 def _both(limits: tuple[float, ...]) -> tuple[float, ...]:
@@ -225,7 +316,9 @@ def safety(log: Log) -> Figure:
     return figure
 
 
-def _legend_below(figure: Figure, axes: Axes, columns: int) -> None:
+def _legend_below(figure: Figure, axes: Axes, count: int) -> None:
+    rows = -(-count // _LEGEND)
     figure.legend(
-        *axes.get_legend_handles_labels(), loc="outside lower center", ncols=min(columns, 8)
-    )
+        *axes.get_legend_handles_labels(), loc="outside lower center",
+        ncols=max(-(-count // max(rows, 1)), 1),
+    )  # fmt: skip

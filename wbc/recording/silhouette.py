@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
@@ -32,13 +33,12 @@ class View:
         return cls(*np.eye(3))
 
     @classmethod
-    def oblique(cls) -> View:
-        """From the front right and above, z up in the picture."""
-        towards = np.array((1.0, -1.4, 0.9))
-        towards /= np.linalg.norm(towards)
-        right = np.cross((0.0, 0.0, 1.0), towards)
+    def along(cls, towards: Sequence[float]) -> View:
+        """From the direction `towards` (3,), of any length but not vertical; z up."""
+        eye = np.array(towards) / np.linalg.norm(towards)
+        right = np.cross((0.0, 0.0, 1.0), eye)
         right /= np.linalg.norm(right)
-        return cls(right, np.cross(towards, right), towards)
+        return cls(right, np.cross(eye, right), eye)
 
     def flat(self, points: Array) -> Array:
         """(n, 2) picture coordinates [m] of (n, 3) points in the world."""

@@ -17,15 +17,19 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.patheffects import withStroke
 
-from wbc.arrays import Array, BoolArray, IntArray
+from wbc.arrays import Array, IntArray
 from wbc.errors import WbcError
 from wbc.recording.figures import panels, save, style
 from wbc.recording.log import Log
+from wbc.recording.raycast import Picture
 from wbc.recording.silhouette import View, matrices, outline
 from wbc.recording.summary import phase_starts
 
 _EDGE = "#3A3F47"
 _NORMAL = "#B2182B"
+_STATES = ("#9EA6B3", "#29AD59", "#2970EB")  # of a contact by its mode, as on the page
+_WINDOW = (1.42, 0.9)  # half width and height of a picture in space, in extents of the camera
+_PIXELS = 1440  # rendered across the page
 _WIDTH = 9.6  # of the page, [inch]
 _TITLE = 0.3  # height of a picture's title, [inch]
 
@@ -47,6 +51,8 @@ class Shape(Protocol):
     def rgba(self) -> tuple[float, float, float, float]: ...
     @property
     def placement(self) -> Array: ...
+    @property
+    def finger(self) -> str | None: ...
 
 
 class ObjectBody(Protocol):
@@ -77,6 +83,12 @@ class Stage(Protocol):
     def phase_names(self) -> tuple[str, ...]: ...
     @property
     def planar(self) -> bool: ...
+    @property
+    def center(self) -> tuple[float, float, float]: ...
+    @property
+    def extent(self) -> float: ...
+    @property
+    def towards(self) -> tuple[float, float, float]: ...
 
 
 class Instant(Protocol):
@@ -93,13 +105,16 @@ class Instant(Protocol):
     @property
     def contact_normals(self) -> Array: ...
     @property
-    def in_contact(self) -> BoolArray: ...
+    def contact_mode(self) -> IntArray: ...
     @property
     def phase(self) -> int: ...
 
 
 def moments(log: Log, count: int = 5) -> IntArray:
-    """Ticks worth a picture: the first, the last, where phases begin, then the widest gaps halved.
+    """Ticks worth a picture, in this order until there are enough of them.
+
+    The first and the last; where a finger touches or leaves as a phase begins; where other phases
+    begin, each time the one in the widest gap; then the widest gaps halved.
 
     Returns:
         At most `count` increasing indices into the log's ticks, fewer for a shorter log.
@@ -107,9 +122,12 @@ def moments(log: Log, count: int = 5) -> IntArray:
     if not log.ticks or count < 1:
         return np.zeros(0, dtype=np.int64)
     chosen = [0] if count == 1 else sorted({0, log.ticks - 1})
-    for k in phase_starts(log)[1:]:
-        if len(chosen) < count and int(k) not in chosen:
-            chosen = sorted([*chosen, int(k)])
+    starts = [int(k) for k in phase_starts(log)[1:] if int(k) not in chosen]
+    touching = [k for k in starts if (log.in_contact[k] != log.in_contact[k - 1]).any()]
+    for candidates in (touching, starts):
+        while len(chosen) < count and (left := [k for k in candidates if k not in chosen]):
+            apart = [int(np.min(np.abs(np.array(chosen) - k))) for k in left]
+            chosen = sorted([*chosen, left[int(np.argmax(apart))]])
     while len(chosen) < min(count, log.ticks):
         gaps = np.diff(chosen)
         widest = int(np.argmax(gaps))
@@ -121,7 +139,8 @@ def draw_strip(stage: Stage, instants: Sequence[Instant], path: str | os.PathLik
     """Draw `instants` side by side as one PNG, all at one scale.
 
     Args:
-        stage: a planar one is looked at from +z, any other obliquely from above.
+        stage: a planar one is drawn in outlines, seen from +z; any other shaded, seen as by the
+            camera of the stage.
         instants: from the first on the left to the last, each with poses for the stage's bodies.
 
     Raises:
@@ -129,25 +148,43 @@ def draw_strip(stage: Stage, instants: Sequence[Instant], path: str | os.PathLik
     """
     if not instants:
         raise WbcError("no picture strip: no instant was given")
-    view = View.from_above() if stage.planar else View.oblique()
+    view = View.from_above() if stage.planar else View.along(stage.towards)
     with style(), np.errstate(all="ignore"):
         points = np.concatenate([_covered(stage, instant, view) for instant in instants])
         if not len(points):
             raise WbcError("no picture strip: no body has a finite pose")
-        low, high = points.min(axis=0), points.max(axis=0)
-        margin = 0.04 * float(np.max(high - low)) + 1e-6
-        low, high = low - margin, high + margin
+        low, high = _frame(points) if stage.planar else _camera(stage, view)
         aspect = float((high[1] - low[1]) / (high[0] - low[0]))
         columns, rows = _layout(len(instants), aspect)
         height = _WIDTH / columns * aspect + _TITLE
         figure, axes_list = panels(rows, columns, height=min(max(height, 0.8), 9.0))
         for axes, instant in zip(axes_list, instants, strict=False):
-            _draw(axes, stage, instant, view)
+            _head(axes, stage, instant)
             axes.set_xlim(low[0], high[0])
             axes.set_ylim(low[1], high[1])
+            if stage.planar:
+                _draw(axes, stage, instant, view)
+                _draw_contacts(axes, stage, instant, view)
+            else:
+                _shade(axes, stage, instant, view, (low, high), round(_PIXELS / columns))
+                _mark_contacts(axes, stage, instant, view)
         for axes in axes_list:
             axes.set_axis_off()
         return save(figure, Path(path))
+
+
+def _frame(points: Array) -> tuple[Array, Array]:
+    """Corners (2,) around the points, with a margin."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = 0.04 * float(np.max(high - low)) + 1e-6
+    return low - margin, high + margin
+
+
+def _camera(stage: Stage, view: View) -> tuple[Array, Array]:
+    """Corners (2,) of what the stage's camera shows."""
+    middle = view.flat(np.array(stage.center))
+    half = stage.extent * np.array(_WINDOW)
+    return middle - half, middle + half
 
 
 def _layout(count: int, aspect: float) -> tuple[int, int]:
@@ -188,13 +225,63 @@ def _covered(stage: Stage, instant: Instant, view: View) -> Array:
     return finite
 
 
-def _draw(axes: Axes, stage: Stage, instant: Instant, view: View) -> None:
+def _head(axes: Axes, stage: Stage, instant: Instant) -> None:
     axes.set_aspect("equal")
     name = stage.phase_names[instant.phase] if instant.phase >= 0 and stage.phase_names else ""
     axes.set_title(
         f"{instant.t:.2f} s  {name.replace('_', ' ')}", pad=4.0, fontsize=8.0, loc="center",
         fontweight="normal",
     )  # fmt: skip
+
+
+def _shade(
+    axes: Axes,
+    stage: Stage,
+    instant: Instant,
+    view: View,
+    corners: tuple[Array, Array],
+    width: int,
+) -> None:
+    """All solids with light and shadow, what is in front before what is behind."""
+    low, high = corners
+    picture = Picture(view, low, high, width)
+    modes = dict(zip(stage.contact_names, instant.contact_mode, strict=True))
+    for shape, pose in _placed(stage, instant):
+        mode = int(modes[shape.finger]) if shape.finger is not None else 0
+        rgb = to_rgb(_STATES[mode]) if mode else shape.rgba[:3]
+        if shape.kind == "mesh":
+            assert shape.vertices is not None and shape.triangles is not None
+            picture.mesh(shape.vertices, shape.triangles, pose, rgb)
+        elif shape.kind != "line":
+            picture.solid(shape.kind, shape.size, pose, rgb)
+    if stage.object is not None:
+        item = matrices(instant.object_pose)[0]
+        if np.isfinite(item).all():
+            body = stage.object
+            picture.mesh(body.vertices, body.triangles, item, body.rgba[:3])
+    axes.imshow(
+        picture.image(), extent=(low[0], high[0], low[1], high[1]), interpolation="antialiased"
+    )
+
+
+def _mark_contacts(axes: Axes, stage: Stage, instant: Instant, view: View) -> None:
+    """As on the page: dot and outward normal in the colour of the contact's state."""
+    for point, normal, mode in zip(
+        instant.contact_points, instant.contact_normals, instant.contact_mode, strict=True
+    ):
+        if not mode or not np.isfinite([point, normal]).all():
+            continue
+        start, end = view.flat(np.stack((point, point + 0.13 * stage.extent * normal)))
+        axes.annotate(
+            "", xy=(float(end[0]), float(end[1])), xytext=(float(start[0]), float(start[1])),
+            arrowprops={"arrowstyle": "-|>", "color": _STATES[mode], "linewidth": 0.8,
+                        "shrinkA": 0, "shrinkB": 0, "mutation_scale": 5},
+        )  # fmt: skip
+        axes.plot(*start, "o", color=_STATES[mode], markersize=2.2)
+
+
+def _draw(axes: Axes, stage: Stage, instant: Instant, view: View) -> None:
+    """Outlines, flat and filled."""
     # the world's own shapes are the background, the rest goes from the back to the front; in the
     # plane, where all are level, fingers are drawn over the object
     order = [
@@ -208,7 +295,6 @@ def _draw(axes: Axes, stage: Stage, instant: Instant, view: View) -> None:
     for moves, depth, shape, pose in sorted(order, key=lambda entry: entry[:2]):
         layer = 2.0 if depth >= front or np.isnan(front) else 0.5
         _draw_shape(axes, shape, pose, view, layer if moves else 0.0)
-    _draw_contacts(axes, stage, instant, view)
 
 
 def _draw_shape(axes: Axes, shape: Shape, pose: Array, view: View, layer: float) -> None:
@@ -255,7 +341,7 @@ def _draw_contacts(axes: Axes, stage: Stage, instant: Instant, view: View) -> No
     size = 0.08 * _extent(stage, instant, view)
     for i, name in enumerate(stage.contact_names):
         point, normal = instant.contact_points[i], instant.contact_normals[i]
-        if not instant.in_contact[i] or not np.isfinite([point, normal]).all():
+        if not instant.contact_mode[i] or not np.isfinite([point, normal]).all():
             continue
         start, end = view.flat(np.stack((point, point + size * normal)))
         axes.annotate(

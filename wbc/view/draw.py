@@ -6,8 +6,10 @@ Nodes of the page's scene tree, each a stable path:
     /wbc/world/<shape>                what belongs to no body
     /wbc/robot/<body>/<shape>         the pose is that of /wbc/robot/<body>
     /wbc/object                       pose; below it /wbc/object/mesh and /wbc/object/outline
-    /wbc/contacts/<name>/point        sphere at the contact, green when touching, grey when not
-    /wbc/contacts/<name>/normal       arrow; its z axis is the outward normal of the object
+    /wbc/contacts/<name>/point        sphere at the contact, its colour that of the contact's state
+    /wbc/contacts/<name>/normal       arrow along z, the outward normal; while the finger touches
+
+A shape with a finger takes the colour of that contact's state while it touches.
 
 The text panel is no node: meshcat has no fixed overlay, so it is #wbc-panel of the page.
 
@@ -19,7 +21,7 @@ from __future__ import annotations
 
 import math
 import uuid
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import umsgpack
@@ -32,12 +34,29 @@ from wbc.view.scene import ObjectShape, Scene, SceneShape, Snapshot, body_matric
 Commands = dict[tuple[str, str], bytes]
 """(path, property) -> encoded command."""
 
-TOUCHING = (0.16, 0.68, 0.35, 1.0)
 FREE = (0.62, 0.65, 0.70, 1.0)
+FIXED = (0.16, 0.68, 0.35, 1.0)
+SLIDING = (0.16, 0.44, 0.92, 1.0)
+STATES = (FREE, FIXED, SLIDING)
+"""Colour of a contact by its mode."""
+
 GRID = (0.80, 0.835, 0.875, 1.0)
 OUTLINE = (0.16, 0.18, 0.23, 1.0)
-POINT_RADIUS, ARROW_LENGTH, ARROW_RADIUS, OUTLINE_WIDTH = 0.016, 0.13, 0.0055, 0.010
-"""Sizes of marks, as parts of the extent of the scene."""
+OUTLINE_WIDTH = 0.010
+
+
+class Marks(NamedTuple):
+    """Sizes of the marks of a contact, as parts of the extent of the scene."""
+
+    point: float
+    length: float
+    radius: float
+
+
+PLANAR_MARKS = Marks(0.016, 0.13, 0.0055)
+SPATIAL_MARKS = Marks(0.0095, 0.13, 0.0028)
+"""Slimmer: a hand's fingertips are close together."""
+
 
 _BACKGROUND = {"top_color": [1.0, 1.0, 1.0], "bottom_color": [0.90, 0.925, 0.95]}
 # three.js lays cylinders along y; the convention of robot descriptions is z.
@@ -47,6 +66,12 @@ _Z_FROM_Y = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0,
 def node(*names: str) -> str:
     """The path of a node; a slash inside a name would open another level, so it is replaced."""
     return "/wbc/" + "/".join(name.replace("/", "|") or "_" for name in names)
+
+
+def shape_node(shape: SceneShape) -> str:
+    """The path of a shape."""
+    place = ("world",) if shape.body is None else ("robot", shape.body)
+    return node(*place, shape.name)
 
 
 def pack(command: dict[str, Any]) -> bytes:
@@ -134,8 +159,9 @@ def _object(out: Commands, scene: Scene, shape: ObjectShape) -> None:
 def _contact(out: Commands, scene: Scene, name: str) -> None:
     """Marks drawn over everything else: a contact lies between two solids and would be hidden."""
     above = {"depthTest": False, "transparent": True}
+    marks = PLANAR_MARKS if scene.planar else SPATIAL_MARKS
     path = node("contacts", name, "normal")
-    length, radius = ARROW_LENGTH * scene.extent, ARROW_RADIUS * scene.extent
+    length, radius = marks.length * scene.extent, marks.radius * scene.extent
     head = 0.32 * length
     parts = (
         ("shaft", g.Cylinder(length - head, radius), 0.5 * (length - head)),
@@ -149,7 +175,7 @@ def _contact(out: Commands, scene: Scene, name: str) -> None:
         out[below, "transform"] = set_transform(below, place)
     path = node("contacts", name, "point")
     material = _material(FREE, g.MeshBasicMaterial, **above)
-    ball = g.Sphere(POINT_RADIUS * scene.extent)
+    ball = g.Sphere(marks.point * scene.extent)
     out[path, "object"] = _set_object(path, ball, material, renderOrder=3)
 
 
@@ -157,10 +183,10 @@ def _grid(out: Commands, scene: Scene) -> None:
     """A grid of the scene's own size in place of meshcat's, whose cells are half a metre."""
     x, y, z = scene.center
     step = _grid_step(scene.extent)
-    half = step * math.ceil((3.2 if scene.planar else 1.6) * scene.extent / step)
+    half = step * math.ceil((3.2 if scene.planar else 2.4) * scene.extent / step)
     x, y = step * round(x / step), step * round(y / step)
     # Behind a planar scene: seen from afar its depth makes no difference.
-    z = z - 0.5 * scene.extent if scene.planar else 0.0
+    z = z - 0.5 * scene.extent if scene.planar else _floor(scene)
     ticks = np.arange(-half, half + 0.5 * step, step)
     ends = [(t, s * half, 0.0) for t in ticks for s in (-1, 1)]
     lines = np.array([*ends, *((b, a, c) for a, b, c in ends)])
@@ -169,6 +195,17 @@ def _grid(out: Commands, scene: Scene) -> None:
     points = g.PointsGeometry(lines.astype(np.float32).T)
     path = node("grid")
     out[path, "object"] = _set_object(path, g.LineSegments(points, material), material)
+
+
+def _floor(scene: Scene) -> float:
+    """z of the floor: 0, or below what stands lower than that."""
+    low = [0.0]
+    for shape in scene.shapes:
+        if shape.body is None and shape.kind in ("cylinder", "box"):
+            x, *_, z = shape.size  # of a cylinder: radius and length
+            half = 0.5 * np.array(shape.size if shape.kind == "box" else (2.0 * x, 2.0 * x, z))
+            low.append(float(shape.placement[2, 3] - np.abs(shape.placement[2, :3]) @ half))
+    return min(low)
 
 
 def _grid_step(extent: float) -> float:
@@ -186,8 +223,7 @@ def fixed_commands(scene: Scene) -> Commands:
     out["/Grid", "visible"] = set_property("/Grid", "visible", False)
     _grid(out, scene)
     for shape in scene.shapes:
-        place = ("world",) if shape.body is None else ("robot", shape.body)
-        _shape(out, node(*place, shape.name), shape)
+        _shape(out, shape_node(shape), shape)
     if scene.object is not None:
         _object(out, scene, scene.object)
     for name in scene.contact_names:
@@ -219,11 +255,11 @@ def poses(scene: Scene, snapshot: Snapshot) -> dict[str, Array]:
         np.asarray(snapshot.contact_points, dtype=np.float64).reshape(-1, 3),
         np.asarray(snapshot.contact_normals, dtype=np.float64).reshape(-1, 3),
     )
-    for name, frame in zip(scene.contact_names, frames, strict=True):
+    for name, frame, mode in zip(scene.contact_names, frames, snapshot.contact_mode, strict=True):
         at_point = np.eye(4)
         at_point[:3, 3] = frame[:3, 3]
         out[node("contacts", name, "point")] = at_point
-        out[node("contacts", name, "normal")] = frame
+        out[node("contacts", name, "normal")] = frame if mode else np.full((4, 4), np.nan)
     return out
 
 
@@ -235,9 +271,22 @@ def moving_commands(scene: Scene, snapshot: Snapshot) -> Commands:
         out[path, "visible"] = set_property(path, "visible", known)
         if known:
             out[path, "transform"] = set_transform(path, matrix)
-    for name, touching in zip(scene.contact_names, snapshot.in_contact, strict=True):
-        color = list(TOUCHING if touching else FREE)
+    modes = dict(zip(scene.contact_names, snapshot.contact_mode, strict=True))
+    for name, mode in modes.items():
         for part in ("point", "normal"):
             path = node("contacts", name, part)
-            out[path, "color"] = set_property(path, "color", color)
+            out[path, "color"] = set_property(path, "color", list(STATES[mode]))
+    for path, shape in tips(scene).items():
+        color = tip_colors(shape)[modes[shape.finger or ""]]
+        out[path, "color"] = set_property(path, "color", list(color))
     return out
+
+
+def tips(scene: Scene) -> dict[str, SceneShape]:
+    """Path to shape of the fingertips that show a contact's state."""
+    return {shape_node(s): s for s in scene.shapes if s.finger is not None}
+
+
+def tip_colors(shape: SceneShape) -> tuple[tuple[float, ...], ...]:
+    """Colours of a fingertip by the mode of its contact: its own while it is free."""
+    return (shape.rgba, *STATES[1:])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Protocol, final
 
 import numpy as np
@@ -11,17 +13,26 @@ import pinocchio as pin
 from wbc.arrays import Array, BoolArray, IntArray
 from wbc.contact.grasp import Grasp
 from wbc.contact.surfaces import Surface
-from wbc.control.state import TickRecord
+from wbc.control.state import Status, TickRecord
 from wbc.robot.model import RobotModel
 from wbc.robot.prepare import prepared
 from wbc.rotations import quaternion
 from wbc.stack.supervisor import StackEvent
+from wbc.view.creases import creased
+from wbc.view.framing import Place, frame, placements
 from wbc.view.scene import Kind, ObjectShape, Rgba, Scene, SceneShape, Snapshot
 
 _GREY: Rgba = (0.6, 0.62, 0.66, 1.0)
+_STATUS = {
+    Status.SCALED: "slowed by limits",
+    Status.CLIPPED: "joints clipped",
+    Status.NEAR_SINGULAR: "near singular",
+    Status.BAD_MEASUREMENT: "bad measurement",
+    Status.BAD_COMMAND: "bad command",
+    Status.PHASE_TIMEOUT: "phase timed out",
+    Status.DONE: "done",
+}
 _ROUND = 240  # points of a contour: no corner is seen
-_WINDOW = 1.2  # width over height of a window's free part
-_LEAST_EXTENT = 1e-3  # [m]
 
 
 def robot_scene(
@@ -29,21 +40,22 @@ def robot_scene(
     grasp: Grasp,
     *,
     title: str,
+    tips: Sequence[str] = (),
     task_names: tuple[str, ...] = (),
     phase_names: tuple[str, ...] = (),
-    shown: Iterable[tuple[Array, Array]] = (),
+    shown: Iterable[Place] = (),
 ) -> Scene:
     """The robot's visual shapes, the grasp's object and the names of what a run changes.
 
     Args:
+        tips: frames of the grasp's fingertips, in its order; their shapes will show its state.
         task_names: of the panel, highest priority first.
-        shown: pairs of q (nv,) and the object's position (3,) that the camera has to take in; by
-            default the robot's middle position.
+        shown: what the camera has to take in; by default the robot's middle position.
     """
-    shapes = robot_shapes(model)
+    shapes = with_tips(model, robot_shapes(model), dict(zip(grasp.fingers, tips, strict=False)))
     body = object_shape(grasp.surface, _thickness(shapes)) if grasp.count else None
     places = list(shown) or [(0.5 * (model.lower + model.upper), np.zeros(3))]
-    center, extent = _camera(model, shapes, body, places)
+    framing = frame(model, shapes, body, tips, places)
     return Scene(
         title=title,
         shapes=shapes,
@@ -53,8 +65,9 @@ def robot_scene(
         task_names=task_names,
         phase_names=phase_names,
         planar=model.planar,
-        extent=extent,
-        center=center,
+        extent=framing.extent,
+        center=framing.center,
+        towards=framing.towards,
     )
 
 
@@ -109,9 +122,41 @@ def _shape(o: Any, body: str | None) -> SceneShape | None:
     )  # fmt: skip
 
 
+def with_tips(
+    model: RobotModel, shapes: Sequence[SceneShape], tips: Mapping[str, str]
+) -> tuple[SceneShape, ...]:
+    """The shapes, those that make up a fingertip marked with its finger.
+
+    A shape is part of a tip if it is on the same body and about as near to the tip frame as it is
+    thick: a pad, but not a rod that only ends there.
+
+    Args:
+        tips: finger to the frame of its tip.
+    """
+    out = list(shapes)
+    for finger, name in tips.items():
+        at = model.pin_model.frames[model.frame(name)]
+        body = str(model.pin_model.names[at.parentJoint]) if at.parentJoint else None
+        for k, shape in enumerate(out):
+            if shape.body != body or shape.kind == "line":
+                continue
+            away = float(np.linalg.norm(shape.placement[:3, 3] - at.placement.translation))
+            if away <= 2.5 * _half_thickness(shape):
+                out[k] = replace(shape, finger=finger)
+    return tuple(out)
+
+
+def _half_thickness(shape: SceneShape) -> float:
+    """Of the slimmest way through a shape, [m]."""
+    if shape.vertices is not None:
+        return 0.5 * float(np.ptp(shape.vertices, axis=0).min())
+    return 0.5 * min(shape.size) if shape.kind == "box" else shape.size[0]
+
+
 def object_shape(surface: Surface, half_thickness: float) -> ObjectShape:
     """The object's body, and the contour where it is planar."""
-    vertices, triangles = surface.mesh(_ROUND if surface.planar else 64, half_thickness)
+    around = _ROUND if surface.planar else 64
+    vertices, triangles = creased(*surface.mesh(around, half_thickness))
     outline = None
     if surface.planar:
         u = np.linspace(0.0, 2.0 * np.pi, _ROUND, endpoint=False)
@@ -123,45 +168,6 @@ def _thickness(shapes: Sequence[SceneShape]) -> float:
     """Half the thickness of a contour: that of the slimmest rod, so that fingertips are seen."""
     radii = [s.size[0] for s in shapes if s.kind in ("cylinder", "capsule")]
     return 0.8 * min(radii, default=0.05)
-
-
-def _camera(
-    model: RobotModel,
-    shapes: Sequence[SceneShape],
-    body: ObjectShape | None,
-    places: Iterable[tuple[Array, Array]],
-) -> tuple[tuple[float, float, float], float]:
-    """Centre and radius of a ball around everything at the given places."""
-    data, points = model.pin_model.createData(), []
-    own = [s for s in shapes if s.body is not None] or list(shapes)
-    for q, position in places:
-        poses = dict(zip(model.full_names, _placements(model, data, q), strict=True))
-        for shape in own:
-            pose = shape.placement if shape.body is None else poses[shape.body] @ shape.placement
-            points.append(pose[:3, 3])
-            if shape.kind in ("cylinder", "capsule"):
-                half = 0.5 * shape.size[1] * pose[:3, 2]
-                points += [pose[:3, 3] - half, pose[:3, 3] + half]
-        if body is not None:
-            reach = float(np.linalg.norm(body.vertices, axis=1).max())
-            points += [position - reach, position + reach]
-    low, high = np.min(points, axis=0), np.max(points, axis=0)
-    x, y, z = (float(c) for c in 0.5 * (low + high))
-    size = high - low
-    # In the plane the camera looks from above: only x and y count, and windows are wide.
-    across = max(float(size[0]) / _WINDOW, float(size[1]))
-    extent = 0.5 * (across if model.planar else float(np.linalg.norm(size)))
-    return (x, y, 0.0 if model.planar else z), max(extent, _LEAST_EXTENT)
-
-
-def _placements(model: RobotModel, data: Any, q: Array) -> Array:
-    """(n_full, 4, 4) poses of the bodies of all joints in the world, at q (nv,)."""
-    pin.forwardKinematics(model.pin_model, data, model.full(q))
-    out = np.zeros((model.n_full, 4, 4))
-    for j in range(model.n_full):
-        placement = data.oMi[j + 1]
-        out[j, :3, :3], out[j, :3, 3], out[j, 3, 3] = placement.rotation, placement.translation, 1.0
-    return out
 
 
 class Rows(Protocol):
@@ -178,7 +184,7 @@ class Rows(Protocol):
     @property
     def contact_normals(self) -> Array: ...
     @property
-    def in_contact(self) -> BoolArray: ...
+    def contact_mode(self) -> IntArray: ...
     @property
     def in_stack(self) -> BoolArray: ...
     @property
@@ -189,6 +195,12 @@ class Rows(Protocol):
     def eps_f(self) -> Array: ...
     @property
     def eps_m(self) -> Array: ...
+    @property
+    def object_error(self) -> Array: ...
+    @property
+    def min_distance(self) -> Array: ...
+    @property
+    def status(self) -> IntArray: ...
 
 
 @final
@@ -223,16 +235,19 @@ class SnapshotMaker:
         lead, shown = self._lead, self._shown
         return Snapshot(
             t=record.t,
-            bodies=_placements(self._model, self._data, record.q),
+            bodies=placements(self._model, self._data, record.q),
             object_pose=pose,
             contact_points=record.contact_points,
             contact_normals=record.contact_normals,
-            in_contact=np.asarray(record.mode != 0),
+            contact_mode=record.mode,
             in_stack=np.array([*lead, *record.within[:shown]], dtype=np.bool_),
             activation=np.array([*lead, *record.activation[:shown]]),
             phase=record.phase,
             eps_f=record.residuals[0],
             eps_m=record.residuals[1],
+            error=_largest(record.object_error),
+            distance=record.min_distance,
+            status=status_text(int(record.status)),
             text=self.text,
         )
 
@@ -240,16 +255,19 @@ class SnapshotMaker:
         """Tick k of a recorded run."""
         return Snapshot(
             t=float(rows.t[k]),
-            bodies=_placements(self._model, self._data, rows.q[k]),
+            bodies=placements(self._model, self._data, rows.q[k]),
             object_pose=rows.object_pose[k],
             contact_points=rows.contact_points[k],
             contact_normals=rows.contact_normals[k],
-            in_contact=rows.in_contact[k],
+            contact_mode=rows.contact_mode[k],
             in_stack=rows.in_stack[k],
             activation=rows.activation[k],
             phase=int(rows.phase[k]),
             eps_f=float(rows.eps_f[k]),
             eps_m=float(rows.eps_m[k]),
+            error=_largest(rows.object_error[k]),
+            distance=float(rows.min_distance[k]),
+            status=status_text(int(rows.status[k])),
             text=self.text,
         )
 
@@ -257,3 +275,17 @@ class SnapshotMaker:
 def event_text(t: float, task: str, inserted: bool) -> str:
     """A decision of the supervisor in words."""
     return f"{t:.2f} s: '{task}' {'back in' if inserted else 'out of'} the stack"
+
+
+def status_text(status: int) -> str:
+    """The bits of a `Status` in words, "" when nothing gave way."""
+    return ", ".join(words for bit, words in _STATUS.items() if status & bit)
+
+
+def _largest(error: Array) -> tuple[float, float]:
+    """Position and orientation error (N, 2) of the finger that is furthest off; NaN without one."""
+    known = error[np.isfinite(error).all(axis=1)]
+    if not len(known):
+        return math.nan, math.nan
+    position, orientation = known.max(axis=0)
+    return float(position), float(orientation)

@@ -16,7 +16,16 @@ from numpy.typing import NDArray
 
 from wbc.arrays import Array, BoolArray
 from wbc.errors import WbcError
-from wbc.view.draw import FREE, TOUCHING, fixed_commands, moving_commands, node, pack, poses
+from wbc.view.draw import (
+    STATES,
+    fixed_commands,
+    moving_commands,
+    node,
+    pack,
+    poses,
+    tip_colors,
+    tips,
+)
 from wbc.view.panel import meshcat_script, page, page_file, panel_info, panel_state, script_json
 from wbc.view.scene import Scene, Snapshot, quaternions
 
@@ -89,8 +98,21 @@ def _thin(snapshots: Sequence[Snapshot], fps: float) -> list[Snapshot]:
     return [snapshots[i] for i in keep]
 
 
-def _track(name: str, kind: str, times: Any, values: Any, **more: Any) -> dict[str, Any]:
-    return {"name": f".{name}", "type": kind, "times": times, "values": values, **more}
+def _track(name: str, kind: str, times: Array, values: Array, **more: Any) -> dict[str, Any]:
+    """Keys of one property; those between two equal ones are left out.
+
+    Args:
+        times: (n,); values: (n, k).
+    """
+    values = np.asarray(values, dtype=np.float32)
+    same = (values[1:] == values[:-1]).all(axis=1)
+    keep = np.ones(len(values), dtype=bool)
+    keep[1:-1] = ~(same[1:] & same[:-1])
+    kept = values[keep]
+    packed = [bool(v) for v in kept[:, 0]] if kind == "bool" else _floats(kept)
+    return {
+        "name": f".{name}", "type": kind, "times": _floats(times[keep]), "values": packed, **more
+    }  # fmt: skip
 
 
 def _floats(values: Array) -> Any:
@@ -103,18 +125,24 @@ def _animation(scene: Scene, snapshots: Sequence[Snapshot]) -> bytes:
     Every track has its last key at the same time: each node repeats after its own last key.
     """
     t = np.array([s.t for s in snapshots], dtype=np.float64)
-    times = _floats(np.append(t - t[0], t[-1] - t[0] + _STILL))
+    times = np.append(t - t[0], t[-1] - t[0] + _STILL)
     frames = [poses(scene, s) for s in snapshots]
     clips = []
     for path in frames[0]:
         tracks = _pose_tracks(times, _held(np.stack([f[path] for f in frames])))
         clips.append(_clip(path, tracks))
-    touching = _held(np.stack([np.asarray(s.in_contact, dtype=bool) for s in snapshots]))
-    for name, column in zip(scene.contact_names, touching.T, strict=True):
-        colors = _floats(np.where(column[:, None], TOUCHING[:3], FREE[:3]))
-        track = _track("material.color", "color", times, colors, interpolation=_DISCRETE)
+    modes = _held(np.stack([np.asarray(s.contact_mode, dtype=np.int64) for s in snapshots]))
+    by_name = dict(zip(scene.contact_names, modes.T, strict=True))
+    painted: dict[str, tuple[str, Sequence[tuple[float, ...]]]] = {
+        path: (shape.finger or "", tip_colors(shape)) for path, shape in tips(scene).items()
+    }
+    for name in scene.contact_names:
         for part in (("point",), ("normal", "shaft"), ("normal", "head")):
-            clips.append(_clip(node("contacts", name, *part) + "/<object>", [track]))
+            painted[node("contacts", name, *part)] = (name, STATES)
+    for path, (name, colors) in painted.items():
+        values = np.array([c[:3] for c in colors])[by_name[name]]
+        track = _track("material.color", "color", times, values, interpolation=_DISCRETE)
+        clips.append(_clip(path + "/<object>", [track]))
     options = {"play": True, "repetitions": math.inf}
     return pack({"type": "set_animation", "path": "", "animations": clips, "options": options})
 
@@ -128,13 +156,15 @@ def _held(values: NDArray[Any]) -> NDArray[Any]:
     return np.concatenate((values, values[-1:]))
 
 
-def _pose_tracks(times: Any, matrices: Array) -> list[dict[str, Any]]:
+def _pose_tracks(times: Array, matrices: Array) -> list[dict[str, Any]]:
     known: BoolArray = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
-    tracks = [] if known.all() else [_track("visible", "bool", times, known.tolist())]
+    tracks = (
+        [] if known.all() else [_track("visible", "bool", times, known[:, None].astype(np.float64))]
+    )
     if known.any():
         # Where a pose is missing the node is hidden and waits at the last place it had.
         last = np.maximum.accumulate(np.where(known, np.arange(len(known)), int(known.argmax())))
         filled = matrices[last]
-        tracks.append(_track("position", "vector", times, _floats(filled[:, :3, 3])))
-        tracks.append(_track("quaternion", "quaternion", times, _floats(quaternions(filled))))
+        tracks.append(_track("position", "vector", times, filled[:, :3, 3]))
+        tracks.append(_track("quaternion", "quaternion", times, quaternions(filled)))
     return tracks

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from wbc.errors import WbcError
-from wbc.view.draw import FREE, TOUCHING
+from wbc.view.draw import STATES
 from wbc.view.scene import Scene, Snapshot
 
 _PAGE = Path(__file__).resolve().parent / "page"
@@ -20,6 +20,11 @@ _PAGE = Path(__file__).resolve().parent / "page"
 def _number(value: float) -> float | None:
     """JSON has no NaN."""
     return float(value) if math.isfinite(value) else None
+
+
+def _rounded(value: float) -> float | None:
+    """Two digits."""
+    return _number(float(f"{float(value):.2g}"))
 
 
 def _css(rgba: tuple[float, ...]) -> str:
@@ -33,11 +38,12 @@ def panel_info(scene: Scene) -> dict[str, Any]:
         "tasks": list(scene.task_names),
         "contacts": list(scene.contact_names),
         "phases": list(scene.phase_names),
-        "colors": {"touching": _css(TOUCHING), "free": _css(FREE)},
+        "colors": [_css(color) for color in STATES],
         "view": {
             "planar": scene.planar,
             "center": [float(c) for c in scene.center],
             "extent": float(scene.extent),
+            "towards": [float(c) for c in scene.towards],
         },
     }
 
@@ -49,8 +55,11 @@ def panel_state(snapshot: Snapshot) -> dict[str, Any]:
         "phase": int(snapshot.phase),
         "in": [int(bool(b)) for b in snapshot.in_stack],
         "act": [round(float(a), 2) if math.isfinite(a) else 0.0 for a in snapshot.activation],
-        "con": [int(bool(c)) for c in snapshot.in_contact],
-        "eps": [_number(float(f"{float(e):.2g}")) for e in (snapshot.eps_f, snapshot.eps_m)],
+        "con": [int(c) for c in snapshot.contact_mode],
+        "eps": [_rounded(e) for e in (snapshot.eps_f, snapshot.eps_m)],
+        "err": [_rounded(e) for e in snapshot.error],
+        "dist": _rounded(snapshot.distance),
+        "status": snapshot.status,
         "text": snapshot.text,
     }
 

@@ -36,6 +36,7 @@ class SceneShape:
             sphere: radius, box: full edge lengths, mesh and line: nothing.
         vertices: (n, 3), meshes and lines only; `triangles`: (k, 3) indices, meshes only.
         placement: (4, 4) of the shape in its body.
+        finger: the contact whose state its colour shows while that finger touches: a fingertip.
     """
 
     name: str
@@ -46,6 +47,7 @@ class SceneShape:
     triangles: IntArray | None = None
     rgba: Rgba = (0.6, 0.62, 0.66, 1.0)
     placement: Array = field(default_factory=_identity)
+    finger: str | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in SIZES:
@@ -78,7 +80,8 @@ class Scene:
 
     Attributes:
         extent: radius [m] about `center` that the camera shows.
-        planar: looked at from +z with y up, as in a drawing; else a three-quarter view.
+        planar: looked at from +z with y up, as in a drawing.
+        towards: from the center to the eye, of any length, z up in the picture; if not planar.
     """
 
     title: str
@@ -91,12 +94,15 @@ class Scene:
     planar: bool = False
     extent: float = 1.0
     center: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    towards: tuple[float, float, float] = (0.62, -0.62, 0.48)
 
     def __post_init__(self) -> None:
         seen = set()
         for shape in self.shapes:
             if shape.body is not None and shape.body not in self.body_names:
                 raise UnknownNameError("body", shape.body, self.body_names)
+            if shape.finger is not None and shape.finger not in self.contact_names:
+                raise UnknownNameError("contact", shape.finger, self.contact_names)
             if (shape.body, shape.name) in seen:
                 raise WbcError(f"two shapes named '{shape.name}' on body '{shape.body}'")
             seen.add((shape.body, shape.name))
@@ -112,7 +118,11 @@ class Snapshot:
         bodies: world poses, (nb, 7) as x y z qx qy qz qw or (nb, 4, 4).
         object_pose: (7,), same order; ignored in a scene without object.
         contact_points, contact_normals: (N, 3) in the world; NaN hides a contact.
+        contact_mode: (N,) 0 free, 1 fixed, 2 sliding.
         phase: index into the phase names, -1 before the first.
+        error: position [m] and orientation [rad] error of the object; NaN where nobody holds it.
+        distance: smallest of the watched pairs, [m]; not finite where none is watched.
+        status: what gave way, in words; "" when nothing did.
         text: one line under the panel, e.g. the last stack event.
     """
 
@@ -121,12 +131,15 @@ class Snapshot:
     object_pose: Array
     contact_points: Array
     contact_normals: Array
-    in_contact: BoolArray
+    contact_mode: IntArray
     in_stack: BoolArray
     activation: Array
     phase: int = -1
     eps_f: float = math.nan
     eps_m: float = math.nan
+    error: tuple[float, float] = (math.nan, math.nan)
+    distance: float = math.nan
+    status: str = ""
     text: str = ""
 
 

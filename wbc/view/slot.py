@@ -26,9 +26,13 @@ from wbc.view.scene import Scene, Snapshot
 Bytes = NDArray[np.uint8]
 RING = 8
 TEXT_BYTES = 400
+STATUS_BYTES = 120
 _HEADER_BYTES = 512
 _WORDS_BYTES = 400
-_SCALARS = 5
+_SCALARS = 8
+_TEXT = 32  # where text, status and numbers of a record begin, in bytes
+_STATUS = _TEXT + TEXT_BYTES
+_VALUES = _STATUS + STATUS_BYTES
 
 
 def anonymous_file(size: int) -> int:
@@ -60,7 +64,7 @@ class Layout:
 
     @property
     def record_bytes(self) -> int:
-        return 24 + TEXT_BYTES + 8 * self.doubles
+        return _VALUES + 8 * self.doubles
 
     @property
     def total_bytes(self) -> int:
@@ -73,15 +77,16 @@ class _Record:
     def __init__(self, memory: Bytes, layout: Layout) -> None:
         self.mark = memory[:16].view(np.int64)  # number, checksum
         self.content = memory[16:].data
-        self.text_length = memory[16:24].view(np.int64)
-        self.text = memory[24 : 24 + TEXT_BYTES]
-        values = memory[24 + TEXT_BYTES :].view(np.float64)
+        lengths = memory[16:_TEXT].view(np.int64)
+        self.text = lengths[:1], memory[_TEXT:_STATUS]
+        self.status = lengths[1:], memory[_STATUS:_VALUES]
+        values = memory[_VALUES:].view(np.float64)
         nb, nc, nt = layout.bodies, layout.contacts, layout.tasks
         cuts = np.cumsum((_SCALARS, 7, 3 * nc, 3 * nc, nc, nt, nt))
         parts = np.split(values, cuts)
         self.scalars, self.object_pose = parts[0], parts[1]
         self.points, self.normals = parts[2].reshape(nc, 3), parts[3].reshape(nc, 3)
-        self.in_contact, self.in_stack, self.activation = parts[4], parts[5], parts[6]
+        self.contact_mode, self.in_stack, self.activation = parts[4], parts[5], parts[6]
         self.poses = parts[7][: 7 * nb].reshape(nb, 7)
         self.matrices = parts[7].reshape(nb, 4, 4)
 
@@ -92,38 +97,52 @@ class _Record:
             self.matrices[...] = bodies
         else:
             self.poses[...] = bodies
-        self.scalars[:] = (s.t, s.phase, s.eps_f, s.eps_m, as_matrices)
+        self.scalars[:] = (s.t, s.phase, s.eps_f, s.eps_m, *s.error, s.distance, as_matrices)
         self.object_pose[:] = s.object_pose
         self.points[...] = s.contact_points
         self.normals[...] = s.contact_normals
-        self.in_contact[:] = s.in_contact
+        self.contact_mode[:] = s.contact_mode
         self.in_stack[:] = s.in_stack
         self.activation[:] = s.activation
-        text = s.text.encode("utf-8", "replace")[:TEXT_BYTES]
-        self.text_length[0] = len(text)
-        if text:
-            self.text[: len(text)] = np.frombuffer(text, dtype=np.uint8)
+        _write_text(self.text, s.text)
+        _write_text(self.status, s.status)
 
     def checksum(self, number: int) -> int:
         return zlib.crc32(self.content, number & 0xFFFFFFFF)
 
     def snapshot(self) -> Snapshot:
-        t, phase, eps_f, eps_m, as_matrices = self.scalars.tolist()
-        length = int(self.text_length[0])
+        t, phase, eps_f, eps_m, error_p, error_r, distance, as_matrices = self.scalars.tolist()
         return Snapshot(
             t=t,
             bodies=self.matrices if as_matrices else self.poses,
             object_pose=self.object_pose,
             contact_points=self.points,
             contact_normals=self.normals,
-            in_contact=self.in_contact != 0.0,
+            contact_mode=self.contact_mode.astype(np.int64),
             in_stack=self.in_stack != 0.0,
             activation=self.activation,
             phase=int(phase),
             eps_f=eps_f,
             eps_m=eps_m,
-            text=self.text[:length].tobytes().decode("utf-8", "ignore"),
+            error=(error_p, error_r),
+            distance=distance,
+            status=_read_text(self.status),
+            text=_read_text(self.text),
         )
+
+
+def _write_text(place: tuple[NDArray[np.int64], Bytes], text: str) -> None:
+    """As much of `text` as there is room for; the length first."""
+    length, room = place
+    raw = text.encode("utf-8", "replace")[: len(room)]
+    length[0] = len(raw)
+    if raw:
+        room[: len(raw)] = np.frombuffer(raw, dtype=np.uint8)
+
+
+def _read_text(place: tuple[NDArray[np.int64], Bytes]) -> str:
+    length, room = place
+    return room[: int(length[0])].tobytes().decode("utf-8", "ignore")
 
 
 class _Memory:

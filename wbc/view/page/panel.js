@@ -2,7 +2,8 @@
 "use strict";
 const wbc = (() => {
   const panel = document.getElementById("wbc-panel");
-  let info = null, tasks = [], contacts = [], phases = [], time, eps, text, lost;
+  let info = null, tasks = [], contacts = [], phases = [];
+  let time, error, eps, distance, status, text, lost;
 
   // Names come from the user's files, so they enter the page as text, never as markup.
   function add(parent, tag, cls, content) {
@@ -13,8 +14,8 @@ const wbc = (() => {
     return element;
   }
 
-  function row(cls, name, value) {
-    const line = add(panel, "div", "row " + cls);
+  function row(cls, name, value, parent = panel) {
+    const line = add(parent, "div", "row " + cls);
     if (value === undefined) add(line, "span", "dot");
     add(line, "span", "name", name).title = name;
     return value === undefined ? line : add(line, "span", "value", value);
@@ -22,7 +23,11 @@ const wbc = (() => {
 
   function section(title, names, cls) {
     if (names.length) add(panel, "h2", "", title);
-    return names.map((name) => row(cls, name));
+    // Long lists without bars stand in two columns, read downwards: a panel should not scroll.
+    const two = names.length > 5 && cls !== "task out";
+    const parent = two ? add(panel, "div", "two") : panel;
+    if (two) parent.style.gridTemplateRows = `repeat(${Math.ceil(names.length / 2)}, auto)`;
+    return names.map((name) => row(cls, name, undefined, parent));
   }
 
   function setup(given) {
@@ -30,7 +35,10 @@ const wbc = (() => {
     panel.replaceChildren();
     add(panel, "h1", "", info.title);
     time = row("", "time", "");
+    error = row("", "object error", "");
     eps = [row("", "ε force", ""), row("", "ε moment", "")];
+    distance = row("", "nearest distance", "");
+    status = row("", "status", "");
     phases = section("phase", info.phases, "phase");
     tasks = section("tasks, highest first", info.tasks, "task out");
     for (const line of tasks) add(add(line, "span", "bar"), "i").style.width = "0";
@@ -39,17 +47,24 @@ const wbc = (() => {
     lost = add(panel, "div", "lost");
   }
 
+  function brief(number) { return number === null ? "–" : number.toExponential(1); }
+
   function show(state) {
     time.textContent = state.t.toFixed(2) + " s";
-    state.eps.forEach((e, i) => { eps[i].textContent = e === null ? "–" : e.toExponential(1); });
+    const [position, orientation] = state.err.map(brief);
+    error.textContent = state.err[0] === null ? "–" : `${position} m, ${orientation} rad`;
+    state.eps.forEach((e, i) => { eps[i].textContent = brief(e); });
+    distance.textContent = state.dist === null ? "–" : (1000 * state.dist).toFixed(1) + " mm";
+    status.textContent = state.status || "ok";
+    status.parentElement.classList.toggle("warn", state.status !== "" && state.status !== "done");
     phases.forEach((line, i) => line.classList.toggle("now", i === state.phase));
     tasks.forEach((line, i) => {
       line.classList.toggle("out", !state.in[i]);
       line.querySelector("i").style.width = 100 * state.act[i] + "%";
     });
     contacts.forEach((line, i) => {
-      const color = state.con[i] ? info.colors.touching : info.colors.free;
-      line.querySelector(".dot").style.background = color;
+      line.querySelector(".dot").style.background = info.colors[state.con[i]];
+      line.title = ["free", "fixed", "sliding"][state.con[i]];
     });
     text.textContent = state.text;
   }
@@ -58,24 +73,27 @@ const wbc = (() => {
   function place(vector, x, y, z) { vector.set(x, z, -y); }
 
   function look(viewer) {
-    const { planar, center, extent } = info.view;
+    const { planar, center, extent, towards } = info.view;
     const [x, y, z] = center;
     const camera = viewer.camera;
     viewer.controls.dispose();            // else two sets of controls would answer the mouse
-    camera.fov = planar ? 9 : 38;         // a narrow angle from afar is nearly orthographic
+    camera.fov = planar ? 9 : 30;         // a narrow angle from afar is nearly orthographic
     const half = Math.tan(camera.fov * Math.PI / 360);
     const { innerWidth: width, innerHeight: height } = window;
     const covered = width > 700 ? panel.getBoundingClientRect().right : 0;
     const d = 1.06 * extent / half / Math.min(1, (width - covered) / height);
-    // Centred in what the panel leaves free, if the view is straight enough for that to be simple.
-    const shift = planar ? covered * d * half / height : 0;
+    // Centred in what the panel leaves free.
+    camera.setViewOffset(1, 1, -0.5 * covered / width, 0, 1, 1);
+    camera.aspect = width / height;
     camera.near = d / 50;
     camera.far = 20 * d;
     place(camera.up, 0, planar ? 1 : 0, planar ? 0 : 1);
     viewer.set_camera(camera);            // the controls take over `up` when they are made
-    place(viewer.controls.target, x - shift, y, z);
-    if (planar) place(camera.position, x - shift, y, z + d);
-    else place(camera.position, x + 0.62 * d, y - 0.62 * d, z + 0.48 * d);
+    place(viewer.controls.target, x, y, z);
+    const [a, b, c] = planar ? [0, 0, 1] : towards;
+    const scale = d / Math.hypot(a, b, c);
+    place(camera.position, x + scale * a, y + scale * b, z + scale * c);
+    camera.updateProjectionMatrix();
     viewer.controls.update();
     viewer.set_dirty();
   }
