@@ -353,7 +353,7 @@ def _draw_contacts(axes: Axes, stage: Stage, instant: Instant, view: View) -> No
         beyond = end + 0.5 * (end - start)
         axes.annotate(
             name, (float(beyond[0]), float(beyond[1])), fontsize=6.0, color=_NORMAL, ha="center",
-            va="center", zorder=8, path_effects=[withStroke(linewidth=1.5, foreground="white")],
+            va="center", zorder=8, annotation_clip=False, path_effects=[withStroke(linewidth=1.5, foreground="white")],
         )  # fmt: skip
 
 
