@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
@@ -15,7 +16,7 @@ from matplotlib.colors import to_rgb
 
 from wbc.errors import WbcError
 from wbc.recording.figures import COLORS, WARNING
-from wbc.recording.plots import plot
+from wbc.recording.plots import joint_groups, motion, object_error, plot
 
 from .runs import recorded, removed_and_back, without_limits
 
@@ -183,3 +184,45 @@ def test_a_place_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(WbcError, match=r"\Acannot write '.*object_error\.png': .*\Z"):
         plot(recorded(3), tmp_path / "file")
+
+
+def test_joints_by_limb() -> None:
+    assert joint_groups(["shoulder", "elbow", "wrist"]) == [
+        ("shoulder", [0]), ("elbow", [1]), ("wrist", [2])
+    ]  # fmt: skip
+    hands = [f"{side}_{f}_{k}" for side in ("left", "right") for f in "abcde" for k in range(3)]
+    assert [(name, len(js)) for name, js in joint_groups(["torso_1", *hands])] == [
+        ("torso", 1), ("left", 15), ("right", 15)
+    ]  # fmt: skip
+    arms = [f"{side}_{limb}_{k}" for side in "lr" for limb in ("arm", "hand") for k in range(7)]
+    assert [name for name, _ in joint_groups(arms)] == ["l_arm", "l_hand", "r_arm", "r_hand"]
+    assert joint_groups([f"joint{k}" for k in range(30)]) == [("joints", list(range(30)))]
+
+
+@pytest.mark.parametrize("limits", [True, False])
+def test_many_joints_have_few_labels(limits: bool) -> None:
+    """Forty joints and ten fingers: an entry per limb, the names of the furthest, nothing more."""
+    few = recorded(60)
+    names = tuple(f"{side}_arm_{k}" for side in ("left", "right") for k in range(20))
+    bounds = (2.0,) * 40 if limits else ()
+    meta = replace(
+        few.meta, joint_names=names, q_upper=bounds, q_lower=tuple(-b for b in bounds),
+        v_limit=bounds, contact_names=tuple(f"f{k}" for k in range(10)),
+    )  # fmt: skip
+    q = np.sin(few.t)[:, None] * np.linspace(-0.5, 1.9, 40)
+    log = replace(
+        few, meta=meta, joint_names=names, q=q, v=np.gradient(q, few.t, axis=0),
+        contact_names=meta.contact_names, object_error=np.full((60, 10, 2), 1e-9),
+    )  # fmt: skip
+    figure = motion(log)
+    (legend,) = figure.legends
+    assert [t.get_text() for t in legend.get_texts()] == ["left_arm (20)", "right_arm (20)"]
+    top, middle, _ = figure.axes
+    written = [t.get_text() for t in top.texts if t.get_text() in names]
+    assert written[:1] == (["right_arm_19"] if limits else [])
+    assert "right_arm_19" in [t.get_text() for t in middle.texts]
+    if limits:
+        shares = np.array([line.get_ydata() for line in top.lines if len(line.get_ydata()) == 60])
+        np.testing.assert_allclose(np.sort(shares[:, -1]), np.sort((q[-1] + 2.0) / 4.0))
+    (fingers,) = object_error(log).legends
+    assert fingers._ncols == 5, "two even rows"

@@ -16,7 +16,7 @@ from wbc.recording.strip import draw_strip, moments
 from wbc.rotations import exp_so3
 from wbc.view import ObjectShape, Scene, SceneShape, Snapshot, extrude
 
-from .runs import recorded
+from .runs import META, recorded
 
 BLUE, GREEN, ORANGE = "#2040C0", "#20A040", "#F2AD3D"
 SQUARE = np.array([(-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)])
@@ -151,6 +151,34 @@ def test_moments_show_the_phases_first() -> None:
     assert moments(recorded(3), 5).tolist() == [0, 1, 2]
     assert moments(recorded(1), 5).tolist() == [0]
     assert moments(recorded(0), 5).tolist() == []
+
+
+def test_moments_prefer_where_fingers_touch_or_leave() -> None:
+    """Ten phases of ten ticks; a finger comes at 50 and leaves at 70."""
+    names = tuple(f"p{k}" for k in range(10))
+    changes = {
+        k: {"phase": k // 10, "mode": np.array([1, 2 if 50 <= k < 70 else 0])} for k in range(100)
+    }
+    log = recorded(100, changes, replace(META, phase_names=names))
+    assert moments(log, 4).tolist() == [0, 50, 70, 99]
+    assert moments(log, 5).tolist() == [0, 20, 50, 70, 99]
+    assert len(moments(log, 11)) == 11 and set(range(0, 100, 10)) <= set(moments(log, 11).tolist())
+
+
+def test_fingertips_take_the_colour_of_their_contact(tmp_path: Path) -> None:
+    whole = scene(planar=False)
+    ball = replace(whole.shapes[1], finger="f2")
+    marked = replace(whole, shapes=(whole.shapes[0], ball, whole.shapes[2]))
+    free = replace(snapshot(0.0), contact_mode=np.array([1, 0]))
+    sliding = replace(snapshot(0.0), contact_mode=np.array([1, 2]))
+
+    def mean(instant: Snapshot) -> np.ndarray:
+        pixels = matplotlib.image.imread(draw_strip(marked, [instant], tmp_path / "s.png"))
+        right = pixels[:, pixels.shape[1] // 2 :, :3]
+        return np.array(right[np.ptp(right, axis=2) > 0.2].mean(axis=0))
+
+    assert mean(free)[1] > mean(free)[2], "green, its own"
+    assert mean(sliding)[2] > mean(sliding)[1], "blue"
 
 
 def area(polygon: np.ndarray) -> float:

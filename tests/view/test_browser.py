@@ -9,11 +9,14 @@ import time
 
 import matplotlib.image
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from wbc.view import LiveView, write_html
+from wbc.view.from_robot import SnapshotMaker
 
 from .demo import demo_scene, demo_snapshot
+from .hands import dual_arm, postures
 
 CHROMIUM = "/usr/bin/chromium"
 ARGS = [
@@ -177,3 +180,51 @@ def test_the_exported_file_can_be_stopped_and_sought(page, tmp_path):
     assert page.evaluate(f"{color}.b") < 0.75, "at 2 s the second contact is free"
     page.locator("#wbc-player input").fill("1")
     page.wait_for_function(f"{color}.b > 0.85")
+
+
+def test_a_robot_with_two_hands_is_where_its_kinematics_says(page, tmp_path):
+    """Every body of the exported file at one time, its shapes, and the object's own mesh."""
+    model, grasp, scene = dual_arm()
+    rows = postures(model, 91)
+    run = [SnapshotMaker(model).of_row(rows, k) for k in range(91)]
+    path = write_html(tmp_path / "run.html", scene, run)
+    assert path.read_bytes() == write_html(tmp_path / "again.html", scene, run).read_bytes()
+    page.goto(path.as_uri())
+    page.wait_for_function("viewer.animator.playing && viewer.animator.time > 0.1")
+    page.click("#wbc-player button")
+    page.locator("#wbc-player input").fill("1.5")
+    page.wait_for_function("document.querySelector('#wbc-panel .value').textContent === '1.50 s'")
+    page.wait_for_timeout(300)
+    found = page.evaluate(
+        """() => {
+          const robot = viewer.scene_tree.find(['wbc', 'robot']);
+          const out = {};
+          for (const [name, node] of Object.entries(robot.children)) {
+            node.object.updateMatrix();
+            out[name] = [node.object.matrix.toArray(), Object.keys(node.children)];
+          }
+          return out;
+        }"""
+    )
+    data = model.pin_model.createData()
+    pin.forwardKinematics(model.pin_model, data, model.full(rows.q[45]))
+    for body in model.full_names:
+        shapes = sorted(s.name for s in scene.shapes if s.body == body)
+        if not shapes and body not in found:
+            continue
+        matrix, children = found[body]
+        pose = data.oMi[model.pin_model.getJointId(body)].homogeneous
+        np.testing.assert_allclose(np.reshape(matrix, (4, 4)).T, pose, atol=1e-6, err_msg=body)
+        assert [c for c in sorted(children) if c != "<object>"] == shapes
+    drawn = page.evaluate(
+        """() => {
+          const mesh = viewer.scene_tree.find(['wbc', 'object', 'mesh', '<object>']).object;
+          return Array.from(mesh.geometry.attributes.position.array);
+        }"""
+    )
+    x, y, z = np.reshape(drawn, (-1, 3)).T
+    assert (np.hypot(x, y).max(), np.ptp(z)) == pytest.approx((0.025, 0.3), abs=1e-4)
+    assert page.locator("#wbc-panel .two .contact").count() == grasp.count
+    assert page.locator("#wbc-panel .two .phase").count() == 10
+    assert near(picture(page), (0.86, 0.87, 0.89), 0.1) > 5000, "the arms are not in the picture"
+    assert page.requested == [path.as_uri()] and page.faults == []

@@ -17,6 +17,7 @@ from wbc.recording.silhouette import View
 _LIGHT = (-0.35, 0.55, 0.76)  # to the lamp: left, above, from the eye's side
 _AMBIENT = 0.46
 _LINE = (0.16, 0.18, 0.22)
+_AT_ONCE = 1_000_000
 _FINE = 2  # rays per pixel and axis
 
 
@@ -61,18 +62,51 @@ class Picture:
         axes = np.stack((self._view.right, self._view.up, self._view.towards))
         turned = (vertices @ pose[:3, :3].T + pose[:3, 3]) @ axes.T
         smooth = vertex_normals(turned, triangles)
-        for face in triangles:
-            (a, b, c), normal = turned[face], smooth[face]
-            window, u, v = self._window(turned[face, :2].min(axis=0), turned[face, :2].max(axis=0))
-            area = (b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0]
-            if not u.size or area == 0.0:
-                continue
-            s = ((u - a[0]) * (c - a)[1] - (v - a[1]) * (c - a)[0]) / area
-            t = ((v - a[1]) * (b - a)[0] - (u - a[0]) * (b - a)[1]) / area
-            inside = (s >= -1e-9) & (t >= -1e-9) & (s + t <= 1.0 + 1e-9)
-            depth = np.where(inside, a[2] + s * (b - a)[2] + t * (c - a)[2], -np.inf)
-            parts = np.stack((1.0 - s - t, s, t), axis=-1)
-            self._take(window, depth, np.sign(area) * (parts @ normal), rgb)
+        corners = turned[triangles]
+        corners[..., :2] = (corners[..., :2] - self._low) / self._step - 0.5  # rays at integers
+        low, high = corners[..., :2].min(axis=1), corners[..., :2].max(axis=1)
+        limit = np.array(self._depth.shape[::-1]) - 1
+        known = np.isfinite(corners).all(axis=(1, 2))
+        first = np.clip(np.ceil(np.where(known[:, None], low, 0.0)), 0, limit + 1).astype(int)
+        last = np.clip(np.floor(np.where(known[:, None], high, -1.0)), -1, limit).astype(int)
+        size = (last - first + 1).min(axis=1), (last - first + 1).max(axis=1)
+        left = np.flatnonzero(size[0] > 0)  # the others lie between the rays
+        edge = 1
+        while len(left):  # triangles of like size together, as many as fit into memory at once
+            fits = left[size[1][left] <= edge]
+            for part in np.array_split(fits, max(len(fits) * edge * edge // _AT_ONCE, 1)):
+                if len(part):
+                    self._faces(corners[part], smooth[triangles[part]], first[part], edge, rgb)
+            left = left[size[1][left] > edge]
+            edge *= 2
+
+    def _faces(
+        self, corners: Array, normals: Array, first: IntArray, edge: int, rgb: tuple[float, ...]
+    ) -> None:
+        """Triangles (m, 3, 3), each within the square of `edge` rays from `first` (m, 2) on."""
+        steps = np.arange(edge)
+        x = first[:, :1, None] + steps  # (m, 1, edge)
+        y = first[:, 1:, None] + steps[:, None]
+        a, b, c = (corners[:, k, :, None, None] for k in range(3))
+        area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            s = ((x - a[:, 0]) * (c - a)[:, 1] - (y - a[:, 1]) * (c - a)[:, 0]) / area
+            t = ((y - a[:, 1]) * (b - a)[:, 0] - (x - a[:, 0]) * (b - a)[:, 1]) / area
+        rows, columns = self._depth.shape
+        inside = (s >= -1e-9) & (t >= -1e-9) & (s + t <= 1.0 + 1e-9) & (x < columns) & (y < rows)
+        face, j, i = np.nonzero(inside)
+        s, t = s[inside], t[inside]
+        parts = np.column_stack((1.0 - s - t, s, t))
+        depth = np.sum(parts * corners[face, :, 2], axis=1)
+        pixel = (first[face, 1] + j) * columns + first[face, 0] + i
+        order = np.lexsort((depth, pixel))  # of the hits of one ray the nearest comes last
+        nearest = order[np.append(np.diff(pixel[order]) > 0, True)] if len(order) else order
+        seen = nearest[depth[nearest] > self._depth.ravel()[pixel[nearest]]]
+        at = np.unravel_index(pixel[seen], self._depth.shape)
+        side = np.sign(area[face[seen], 0])
+        self._depth[at] = depth[seen]
+        self._normal[at] = side * np.sum(parts[seen, :, None] * normals[face[seen]], axis=1)
+        self._color[at] = rgb
 
     def image(self) -> Array:
         """(rows, columns, 3) in 0..1, the upper row first; white where nothing was hit."""
@@ -124,9 +158,9 @@ def vertex_normals(vertices: Array, triangles: IntArray) -> Array:
     """(n, 3) unit normals, faces weighed by their areas; 0 at a vertex without faces."""
     corners = vertices[triangles]
     face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    out = np.zeros(vertices.shape)
-    for k in range(3):
-        np.add.at(out, triangles[:, k], face)
+    at, count = triangles.ravel(), len(vertices)
+    sums = [np.bincount(at, weights=np.repeat(x, 3), minlength=count) for x in face.T]
+    out: Array = np.column_stack(sums).astype(np.float64)
     length = np.linalg.norm(out, axis=1, keepdims=True)
     out /= np.where(length > 0.0, length, 1.0)
     return out

@@ -25,6 +25,7 @@ from wbc.recording.raycast import Picture
 from wbc.recording.silhouette import View, matrices, outline
 from wbc.recording.summary import phase_starts
 
+_NOTHING = "no picture strip: no body has a finite pose"
 _EDGE = "#3A3F47"
 _NORMAL = "#B2182B"
 _STATES = ("#9EA6B3", "#29AD59", "#2970EB")  # of a contact by its mode, as on the page
@@ -150,10 +151,9 @@ def draw_strip(stage: Stage, instants: Sequence[Instant], path: str | os.PathLik
         raise WbcError("no picture strip: no instant was given")
     view = View.from_above() if stage.planar else View.along(stage.towards)
     with style(), np.errstate(all="ignore"):
-        points = np.concatenate([_covered(stage, instant, view) for instant in instants])
-        if not len(points):
-            raise WbcError("no picture strip: no body has a finite pose")
-        low, high = _frame(points) if stage.planar else _camera(stage, view)
+        low, high = _frame(stage, instants, view) if stage.planar else _camera(stage, view)
+        if not stage.planar and not any(_placed(stage, instant) for instant in instants):
+            raise WbcError(_NOTHING)
         aspect = float((high[1] - low[1]) / (high[0] - low[0]))
         columns, rows = _layout(len(instants), aspect)
         height = _WIDTH / columns * aspect + _TITLE
@@ -173,8 +173,11 @@ def draw_strip(stage: Stage, instants: Sequence[Instant], path: str | os.PathLik
         return save(figure, Path(path))
 
 
-def _frame(points: Array) -> tuple[Array, Array]:
-    """Corners (2,) around the points, with a margin."""
+def _frame(stage: Stage, instants: Sequence[Instant], view: View) -> tuple[Array, Array]:
+    """Corners (2,) around all that moves, with a margin."""
+    points = np.concatenate([_covered(stage, instant, view) for instant in instants])
+    if not len(points):
+        raise WbcError(_NOTHING)
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.04 * float(np.max(high - low)) + 1e-6
     return low - margin, high + margin
@@ -353,7 +356,8 @@ def _draw_contacts(axes: Axes, stage: Stage, instant: Instant, view: View) -> No
         beyond = end + 0.5 * (end - start)
         axes.annotate(
             name, (float(beyond[0]), float(beyond[1])), fontsize=6.0, color=_NORMAL, ha="center",
-            va="center", zorder=8, annotation_clip=False, path_effects=[withStroke(linewidth=1.5, foreground="white")],
+            va="center", zorder=8, annotation_clip=False,
+            path_effects=[withStroke(linewidth=1.5, foreground="white")],
         )  # fmt: skip
 
 

@@ -96,6 +96,9 @@ def _set_object(path: str, shape: Any, material: Any, **more: Any) -> bytes:
         element.uuid = str(uuid.uuid5(uuid.NAMESPACE_URL, f"{path}#{part}"))
     lowered = solid.lower()
     lowered["object"].update(more)
+    for described in lowered["geometries"]:
+        if described["type"] == "SphereGeometry":
+            described.update(widthSegments=40, heightSegments=28)  # meshcat's 20 show corners
     return pack({"type": "set_object", "path": path, "object": lowered})
 
 
@@ -186,7 +189,7 @@ def _grid(out: Commands, scene: Scene) -> None:
     half = step * math.ceil((3.2 if scene.planar else 2.4) * scene.extent / step)
     x, y = step * round(x / step), step * round(y / step)
     # Behind a planar scene: seen from afar its depth makes no difference.
-    z = z - 0.5 * scene.extent if scene.planar else _floor(scene)
+    z = z - 0.5 * scene.extent if scene.planar else scene.floor
     ticks = np.arange(-half, half + 0.5 * step, step)
     ends = [(t, s * half, 0.0) for t in ticks for s in (-1, 1)]
     lines = np.array([*ends, *((b, a, c) for a, b, c in ends)])
@@ -195,17 +198,6 @@ def _grid(out: Commands, scene: Scene) -> None:
     points = g.PointsGeometry(lines.astype(np.float32).T)
     path = node("grid")
     out[path, "object"] = _set_object(path, g.LineSegments(points, material), material)
-
-
-def _floor(scene: Scene) -> float:
-    """z of the floor: 0, or below what stands lower than that."""
-    low = [0.0]
-    for shape in scene.shapes:
-        if shape.body is None and shape.kind in ("cylinder", "box"):
-            x, *_, z = shape.size  # of a cylinder: radius and length
-            half = 0.5 * np.array(shape.size if shape.kind == "box" else (2.0 * x, 2.0 * x, z))
-            low.append(float(shape.placement[2, 3] - np.abs(shape.placement[2, :3]) @ half))
-    return min(low)
 
 
 def _grid_step(extent: float) -> float:

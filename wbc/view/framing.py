@@ -22,11 +22,12 @@ _ROOM = 1.4  # of the hands behind the fingertips
 
 
 class Framing(NamedTuple):
-    """Centre, radius and direction as of `wbc.view.scene.Scene`."""
+    """Where the camera looks, and the floor, as in `wbc.view.scene.Scene`."""
 
     center: tuple[float, float, float]
     extent: float
     towards: tuple[float, float, float]
+    floor: float
 
 
 def frame(
@@ -47,9 +48,11 @@ def frame(
     """
     data, points, objects = model.pin_model.createData(), [], []
     own = [s for s in shapes if s.body is not None] or list(shapes)
+    floor = 0.0
     close = body is not None and len(tips) > 0 and not model.planar
     for q, position in places:
         poses = dict(zip(model.full_names, placements(model, data, q), strict=True))
+        floor = min([floor, *(_lowest(shape, poses) for shape in shapes)])
         if close:
             pin.updateFramePlacements(model.pin_model, data)
             points += [np.array(data.oMf[model.frame(tip)].translation) for tip in tips]
@@ -65,13 +68,14 @@ def frame(
     low, high = np.min(points, axis=0), np.max(points, axis=0)
     x, y, z = (float(c) for c in 0.5 * (low + high))
     if model.planar:  # seen from above: only x and y count
-        return Framing((x, y, 0.0), _filling(high[:2] - low[:2]), towards)
+        return Framing((x, y, 0.0), _filling(high[:2] - low[:2]), towards, floor)
     if not close:
-        return Framing((x, y, z), max(0.5 * float(np.linalg.norm(high - low)), _LEAST), towards)
+        extent = max(0.5 * float(np.linalg.norm(high - low)), _LEAST)
+        return Framing((x, y, z), extent, towards, floor)
     right = np.cross((0.0, 0.0, 1.0), towards)
     right /= np.linalg.norm(right)
     seen = np.array(points) @ np.column_stack((right, np.cross(towards, right)))
-    return Framing((x, y, z), _ROOM * _filling(np.ptp(seen, axis=0)), towards)
+    return Framing((x, y, z), _ROOM * _filling(np.ptp(seen, axis=0)), towards, floor)
 
 
 def _filling(size: Array) -> float:
@@ -90,14 +94,30 @@ def _towards(ahead: Array) -> tuple[float, float, float]:
     )
 
 
+def _pose(shape: SceneShape, poses: dict[str, Array]) -> Array:
+    return shape.placement if shape.body is None else poses[shape.body] @ shape.placement
+
+
 def _spread(shape: SceneShape, poses: dict[str, Array]) -> list[Array]:
     """The middle of a shape in the world, and of rods the ends."""
-    pose = shape.placement if shape.body is None else poses[shape.body] @ shape.placement
+    pose = _pose(shape, poses)
     middle = pose[:3, 3]
     if shape.kind not in ("cylinder", "capsule"):
         return [middle]
     half = 0.5 * shape.size[1] * pose[:3, 2]
     return [middle, middle - half, middle + half]
+
+
+def _lowest(shape: SceneShape, poses: dict[str, Array]) -> float:
+    """z of the lowest point of a shape in the world."""
+    pose, size = _pose(shape, poses), shape.size
+    if shape.vertices is not None:
+        return float(np.min(shape.vertices @ pose[2, :3], initial=0.0)) + float(pose[2, 3])
+    if shape.kind == "box":
+        return float(pose[2, 3] - 0.5 * np.abs(pose[2, :3]) @ np.array(size))
+    across = size[0] * (1.0 if shape.kind != "cylinder" else float(np.hypot(*pose[2, :2])))
+    along = 0.5 * size[1] * abs(float(pose[2, 2])) if len(size) > 1 else 0.0
+    return float(pose[2, 3]) - across - along
 
 
 def placements(model: RobotModel, data: Any, q: Array) -> Array:

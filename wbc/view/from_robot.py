@@ -31,6 +31,7 @@ _STATUS = {
     Status.BAD_COMMAND: "bad command",
     Status.PHASE_TIMEOUT: "phase timed out",
     Status.DONE: "done",
+    Status.AT_EDGE: "contact at an edge",
 }
 _ROUND = 240  # points of a contour: no corner is seen
 
@@ -68,6 +69,7 @@ def robot_scene(
         extent=framing.extent,
         center=framing.center,
         towards=framing.towards,
+        floor=framing.floor,
     )
 
 

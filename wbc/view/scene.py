@@ -82,6 +82,7 @@ class Scene:
         extent: radius [m] about `center` that the camera shows.
         planar: looked at from +z with y up, as in a drawing.
         towards: from the center to the eye, of any length, z up in the picture; if not planar.
+        floor: height [m] of the grid in space.
     """
 
     title: str
@@ -95,6 +96,7 @@ class Scene:
     extent: float = 1.0
     center: tuple[float, float, float] = (0.0, 0.0, 0.0)
     towards: tuple[float, float, float] = (0.62, -0.62, 0.48)
+    floor: float = 0.0
 
     def __post_init__(self) -> None:
         seen = set()

@@ -1,0 +1,89 @@
+"""The dual-arm robot and its object as a scene, in postures made by hand: nothing is simulated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc import resources
+from wbc.contact.grasp import Grasp
+from wbc.contact.surfaces.cylinder import Cylinder
+from wbc.robot.model import RobotModel, load_robot
+from wbc.view import Scene
+from wbc.view.from_robot import robot_scene
+
+TIPS = {
+    f"{side[0]}_{finger}": f"{side}_{finger}_tip"
+    for side in ("right", "left")
+    for finger in ("thumb", "index", "middle")
+}
+PLACE = np.array([0.62, 0.0, 0.60])
+
+
+def dual_arm() -> tuple[RobotModel, Grasp, Scene]:
+    model = load_robot(resources.find("urdf", "dual_arm"))
+    six, nothing = np.zeros(6), np.zeros((6, 2))
+    face = six.astype(int)
+    grasp = Grasp(Cylinder(0.025, 0.3), tuple(TIPS), nothing, face, six, six, six + 1.0, False)
+    q = postures(model, 2).q
+    scene = robot_scene(
+        model,
+        grasp,
+        title="two hands",
+        tips=list(TIPS.values()),
+        task_names=("object", "force", "moment", "posture"),
+        phase_names=tuple(f"phase {k}" for k in range(10)),
+        shown=[(q[0], PLACE), (q[-1], PLACE + np.array([0.0, 0.1, 0.05]))],
+    )
+    return model, grasp, scene
+
+
+@dataclass(frozen=True)
+class Rows:
+    """What a log holds, as far as a picture needs it."""
+
+    t: np.ndarray
+    q: np.ndarray
+    object_pose: np.ndarray
+    contact_points: np.ndarray
+    contact_normals: np.ndarray
+    contact_mode: np.ndarray
+    in_stack: np.ndarray
+    activation: np.ndarray
+    phase: np.ndarray
+    eps_f: np.ndarray
+    eps_m: np.ndarray
+    object_error: np.ndarray
+    min_distance: np.ndarray
+    status: np.ndarray
+
+
+def postures(model: RobotModel, count: int) -> Rows:
+    """A smooth motion within the limits; the six fingers go from free to fixed to sliding."""
+    t = np.linspace(0.0, 3.0, count)
+    middle, half = 0.5 * (model.lower + model.upper), 0.5 * (model.upper - model.lower)
+    away = np.sin(t[:, None] + np.arange(len(middle)))
+    pose = np.zeros((count, 7))
+    pose[:, :3] = PLACE
+    pose[:, 3], pose[:, 6] = np.sin(0.2 * t), np.cos(0.2 * t)
+    normals = np.tile([0.0, 0.0, 1.0], (count, 6, 1))
+    normals[:, 0] = -normals[:, 0]
+    mode = np.minimum(t.astype(int), 2)[:, None] * np.ones(6, dtype=int)
+    error = np.where(mode[..., None] > 0, 1e-6 * np.arange(1, 7)[:, None] * (1.0, 2.0), np.nan)
+    return Rows(
+        t=t,
+        q=middle + 0.3 * half * away,
+        object_pose=pose,
+        contact_points=PLACE + 0.02 * normals,
+        contact_normals=normals,
+        contact_mode=mode,
+        in_stack=np.ones((count, 4), dtype=bool),
+        activation=np.ones((count, 4)),
+        phase=np.minimum(t.astype(int), 9),
+        eps_f=0.1**t,
+        eps_m=0.1**t,
+        object_error=error,
+        min_distance=np.full(count, 0.0123),
+        status=np.where(t > 2.0, 1, 0),
+    )
