@@ -278,9 +278,9 @@ def _mark_contacts(axes: Axes, stage: Stage, instant: Instant, view: View) -> No
         axes.annotate(
             "", xy=(float(end[0]), float(end[1])), xytext=(float(start[0]), float(start[1])),
             arrowprops={"arrowstyle": "-|>", "color": _STATES[mode], "linewidth": 0.8,
-                        "shrinkA": 0, "shrinkB": 0, "mutation_scale": 5},
+                        "shrinkA": 0, "shrinkB": 0, "mutation_scale": 4},
         )  # fmt: skip
-        axes.plot(*start, "o", color=_STATES[mode], markersize=2.2)
+        axes.plot(*start, "o", color=_STATES[mode], markersize=1.8)
 
 
 def _draw(axes: Axes, stage: Stage, instant: Instant, view: View) -> None:
