@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from wbc.contact.grasp import Grasp
 from wbc.rotations import rotation_from_quaternion
 from wbc.scenario import kinds
 from wbc.scenario.kinds import TaskSpec
+from wbc.scenario.patterns import matching
 from wbc.scenario.schema import Scenario
 from wbc.tasks import (
     CenterOfMass,
@@ -177,11 +177,6 @@ def _posture(name: str, spec: kinds.PostureSpec, context: Context) -> Task:
     ]  # fmt: skip
     indices = np.array([model.joint(joint) for joint in joints], dtype=np.int64)
     return Posture(*_common(name, spec), indices, read_only(goal))
-
-
-def matching(patterns: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
-    """The names that patterns like ``left_arm_*`` fit, each once, in the patterns' order."""
-    return tuple(dict.fromkeys(n for p in patterns for n in names if fnmatchcase(n, p)))
 
 
 def _center_of_mass(name: str, spec: kinds.CenterOfMassSpec, context: Context) -> Task:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import difflib
 import hashlib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, final
 
 from wbc import resources
 from wbc.errors import ScenarioError, UnknownNameError, did_you_mean
 from wbc.scenario.located import Located, Mark, nearest, read_text, read_value
+from wbc.scenario.patterns import spread
 from wbc.scenario.schema import Scenario
 from wbc.scenario.sentences import judge
 from wbc.scenario.wording import Fault, KeyPath, clip, dotted, show
@@ -122,6 +123,7 @@ def load(path_or_name: str | Path, overrides: Mapping[str, Any] | None = None) -
     if located.faults and located.data is None:
         raise Source(shown, located).error(located.faults)
     source, faults = _override(Source(shown, located), overrides or {})
+    source = replace(source, located=spread(source.located))
     scenario, found = judge(source.located.data, source.located.unread)
     faults = [*source.located.faults, *faults, *found]
     if faults or scenario is None:
