@@ -249,14 +249,15 @@ def balanced(world: World, draw: Draw, off: float) -> World:
 
 
 def equilibrium(
-    kind: type[Task], *, squared: bool, unequal: bool = False
+    kind: type[Task], *, squared: bool = False, unequal: bool = False, **settings_of: bool
 ) -> Callable[[World, Draw, str], Example]:
     def make(world: World, draw: Draw, spot: str) -> Example:
         if unequal:  # but the two of a pair alike: they still balance
             world = world.with_shares(np.repeat(draw.uniform(0.3, 3.0, world.grasp.count // 2), 2))
         if spot != "far":
             world = balanced(world, draw, {"goal": 0.0, "near": 0.03}[spot])
-        return Example(world, kind(**settings("balance"), squared=squared), None)  # type: ignore[call-arg]
+        task = kind(**settings("balance"), squared=squared, **settings_of)  # type: ignore[call-arg]
+        return Example(world, task, None)
 
     return make
 
@@ -351,20 +352,37 @@ TASKS: dict[type[Task], tuple[TaskCase, ...]] = {
             advance=advance_half,
         ),
     ),
-    EquilibriumForce: tuple(
+    EquilibriumForce: (
+        *(
+            TaskCase(
+                equilibrium(EquilibriumForce, squared=squared, unequal=unequal), ("near", "far"),
+                places=("random", "limits"), surfaces=True, step=1e-6, lengths=lambda task: (0,),
+            )
+            for squared, unequal in ((False, False), (True, False), (False, True), (True, True))
+        ),
         TaskCase(
-            equilibrium(EquilibriumForce, squared=squared, unequal=unequal), ("near", "far"),
-            places=("random", "limits"), surfaces=True, step=1e-6, lengths=lambda task: (0,),
-        )
-        for squared, unequal in ((False, False), (True, False), (False, True), (True, True))
+            equilibrium(EquilibriumForce, unequal=True, vector=True), ("goal", "near", "far"),
+            places=("random",), surfaces=True, step=1e-6, lengths=lambda task: (0, 0, 0),
+        ),
     ),
-    EquilibriumMoment: tuple(
-        TaskCase(
-            equilibrium(EquilibriumMoment, squared=squared, unequal=unequal), ("near", "far"),
-            places=("random", "limits"), surfaces=True, step=1e-6,
-            lengths=(lambda task: (2,)) if squared else (lambda task: (1,)),
-        )
-        for squared, unequal in ((False, False), (True, False), (False, True), (True, True))
+    EquilibriumMoment: (
+        *(
+            TaskCase(
+                equilibrium(EquilibriumMoment, squared=squared, unequal=unequal), ("near", "far"),
+                places=("random", "limits"), surfaces=True, step=1e-6,
+                lengths=(lambda task: (2,)) if squared else (lambda task: (1,)),
+            )
+            for squared, unequal in ((False, False), (True, False), (False, True), (True, True))
+        ),
+        *(
+            TaskCase(
+                equilibrium(EquilibriumMoment, unequal=True, vector=vector, about_contacts=True),
+                ("goal", "near", "far") if vector else ("near", "far"),
+                places=("random",), surfaces=True, step=1e-6,
+                lengths=(lambda task: (1, 1, 1)) if vector else (lambda task: (1,)),
+            )
+            for vector in (False, True)
+        ),
     ),
     Manipulability: tuple(
         TaskCase(
