@@ -64,6 +64,7 @@ def assemble(model: RobotModel, tasks: list[Task], frames: tuple[str, ...]) -> C
         name="run",
         mode=np.zeros(0, dtype=np.int64),
         reach=none,
+        offset=np.zeros((0, 3)),
         wanted=np.ones(len(tasks), dtype=np.bool_),
         pad=none,
     )
