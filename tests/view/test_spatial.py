@@ -130,3 +130,14 @@ def test_normals_at_a_rim_are_those_of_the_faces() -> None:
     face /= np.linalg.norm(face, axis=1, keepdims=True)
     flat = np.abs(face[:, 2]) > 0.5
     assert not set(triangles[flat].ravel()) & set(triangles[~flat].ravel())
+
+
+def test_the_start_can_be_shown_before_the_first_tick() -> None:
+    maker = SnapshotMaker(MODEL)
+    maker.text = "getting ready"
+    start = maker.at_rest(ROWS.q[2], np.array((0.1, 0.2, 0.3)), np.eye(3), GRASP.count)
+    np.testing.assert_allclose(start.bodies, snapshot(2).bodies, atol=1e-12)
+    np.testing.assert_allclose(start.object_pose, (0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0), atol=1e-12)
+    assert np.isnan(start.contact_points).all() and len(start.contact_points) == GRASP.count
+    assert start.text == "getting ready"
+    assert panel_state(start)["phase"] == -1

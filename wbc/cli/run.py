@@ -48,9 +48,10 @@ def run_command(arguments: argparse.Namespace) -> int:
     with contextlib.ExitStack() as stack:
         notice = stack.enter_context(SlowNotice(progress.say))
         assembly = build(loaded)
+        viewer = stack.enter_context(_Viewer(assembly, arguments)) if arguments.view else None
         if simulation.rehearse:
             _rehearsed(assembly)
-        viewer = stack.enter_context(_Viewer(assembly, arguments)) if arguments.view else None
+            interrupts.check()
         session = _Session(assembly, Recorder(run_meta(assembly), assembly.ticks), progress)
         session.viewer = viewer
         session.paced = arguments.realtime or (arguments.view and not arguments.fast)
@@ -111,6 +112,11 @@ class _Viewer:
                 f"live view: {self._live.url}" + (f" (port {asked} is taken)" if taken else ""),
                 flush=True,
             )
+        kin = controller.law.kin  # what is there before the first tick, which may have to compile
+        self._maker.text = "getting ready"
+        pose = kin.reference.position, kin.reference.rotation
+        self._live.publish(self._maker.at_rest(assembly.start.q, *pose, kin.grasp.count))
+        self._maker.text = ""
 
     def __enter__(self) -> _Viewer:
         return self

@@ -231,6 +231,22 @@ class SnapshotMaker:
         """Show a decision of the supervisor from here on."""
         self.text = event_text(t, self._names[event.task], event.inserted)
 
+    def at_rest(self, q: Array, position: Array, rotation: Array, fingers: int) -> Snapshot:
+        """The robot at q, (nv,), and the object before anything is known of a run."""
+        nothing = np.full((fingers, 3), np.nan)
+        tasks = len(self._lead) + self._shown
+        return Snapshot(
+            t=0.0,
+            bodies=placements(self._model, self._data, q),
+            object_pose=np.concatenate((position, quaternion(rotation))),
+            contact_points=nothing,
+            contact_normals=nothing,
+            contact_mode=np.zeros(fingers, dtype=np.int64),
+            in_stack=np.zeros(tasks, dtype=np.bool_),
+            activation=np.zeros(tasks),
+            text=self.text,
+        )
+
     def of_record(self, record: TickRecord) -> Snapshot:
         """A tick of a run that goes on."""
         pose = np.concatenate((record.object_position, quaternion(record.object_rotation)))
