@@ -28,7 +28,7 @@ def _bounds(
     near: float, value: Array, clear: BoolArray,
 ) -> bool:  # fmt: skip
     """Distances of the round pairs, lower bounds of the others; whether one of these is near."""
-    world = np.empty(ends.shape)
+    world, along, length2 = np.empty(ends.shape), np.empty((len(ends), 3)), np.zeros(len(ends))
     for k in range(joint.shape[0]):
         for e in range(0, 6, 3):
             x, y, z = ends[k, e], ends[k, e + 1], ends[k, e + 2]
@@ -40,10 +40,13 @@ def _bounds(
                 else:
                     pose = poses[joint[k]]
                     world[k, e + r] = pose[9 + r] + pose[r] * x + pose[3 + r] * y + pose[6 + r] * z
+        for r in range(3):
+            along[k, r] = world[k, 3 + r] - world[k, r]
+            length2[k] += along[k, r] * along[k, r]
     least = np.inf
     for k in range(pairs.shape[0]):
         a, b = pairs[k, 0], pairs[k, 1]
-        gap = _segment_distance(world[a, :3], world[a, 3:], world[b, :3], world[b, 3:])
+        gap = _segment_distance(world, along, length2, a, b)
         value[k] = gap - radius[a] - radius[b]
         clear[k] = exact[k]
         if exact[k]:
@@ -88,25 +91,28 @@ def _plane_gap(
 
 
 @kernel
-def _segment_distance(a0: Array, a1: Array, b0: Array, b1: Array) -> float:
-    """Distance of two segments given by their ends; either may be a point."""
-    aa = bb = ab = ar = br = 0.0
-    for r in range(3):
-        da, db, gap = a1[r] - a0[r], b1[r] - b0[r], a0[r] - b0[r]
-        aa += da * da
-        bb += db * db
-        ab += da * db
-        ar += da * gap
-        br += db * gap
+def _segment_distance(start: Array, along: Array, length2: Array, i: int, j: int) -> float:
+    """Distance of two segments; either may be a point. Every sum is written out, for speed.
+
+    Args:
+        start: (S, >= 3), from here the segments go.
+        along: (S, 3), to their ends.
+        length2: (S,) their squared lengths.
+        i, j: which two.
+    """
+    ax, ay, az = along[i, 0], along[i, 1], along[i, 2]
+    bx, by, bz = along[j, 0], along[j, 1], along[j, 2]
+    x, y, z = start[i, 0] - start[j, 0], start[i, 1] - start[j, 1], start[i, 2] - start[j, 2]
+    aa, bb = length2[i], length2[j]
+    ab, ar, br = ax * bx + ay * by + az * bz, ax * x + ay * y + az * z, bx * x + by * y + bz * z
     det = aa * bb - ab * ab
     s = min(max((ab * br - ar * bb) / det, 0.0), 1.0) if det > 1e-14 * aa * bb else 0.0
     t = min(max((ab * s + br) / bb, 0.0), 1.0) if bb > 0.0 else 0.0
     s = min(max((ab * t - ar) / aa, 0.0), 1.0) if aa > 0.0 else 0.0
-    total = 0.0
-    for r in range(3):
-        d = a0[r] - b0[r] + s * (a1[r] - a0[r]) - t * (b1[r] - b0[r])
-        total += d * d
-    return math.sqrt(total)
+    x += s * ax - t * bx
+    y += s * ay - t * by
+    z += s * az - t * bz
+    return math.sqrt(x * x + y * y + z * z)
 
 
 @kernel

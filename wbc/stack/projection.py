@@ -133,6 +133,22 @@ def _project(x: Array, basis: Array, whole: int, taken: Array, share: Array, cou
 
 
 @kernel
+def _project_rows(
+    rows: Array, basis: Array, whole: int, taken: Array, share: Array, count: int
+) -> Array:
+    """`_project` of every row; for many rows at once a call into BLAS pays."""
+    y: Array = rows.copy()
+    if whole > 0:
+        done = basis[:whole]
+        for _ in range(2):
+            y -= (y @ done.T) @ done
+    if count > 0:
+        used = taken[:count]
+        y -= ((y @ used.T) * share[:count]) @ used
+    return y
+
+
+@kernel
 def _shares(free: float, exact: float) -> tuple[float, float, float]:
     """The cut φ, φ / free, and the bounded inverse of free; all continuous, their slopes too."""
     inverse = 1.0 / free if free >= exact else (2.0 - free / exact) / exact
@@ -173,6 +189,21 @@ def _add_row(
 
 
 @kernel
+def _extremes(gram: Array) -> tuple[float, float]:
+    """Least and largest eigenvalue; of rows at right angles, as joints', they are the diagonal's.
+
+    A posture of many joints would otherwise pay for its own rows about as much as for all else.
+    """
+    for i in range(gram.shape[0]):
+        for j in range(i):
+            if gram[i, j] != 0.0:
+                values = np.linalg.eigvalsh(gram)
+                return values[0], values[-1]
+    diagonal = np.diag(gram)
+    return diagonal.min(), diagonal.max()
+
+
+@kernel
 def _add_block(
     rows: Array, rhs: Array, activation: float, exact: float,
     basis: Array, whole: int, taken: Array, share: Array, count: int, v: Array,
@@ -181,18 +212,18 @@ def _add_block(
 
     Returns the numbers of directions taken whole and by a share, and the smallest φ.
     """
+    if activation <= 0.0:
+        return whole, count, 0.0
     gram = rows @ rows.T
     missing = rhs - rows @ v
-    if activation <= 0.0 or np.trace(gram) <= _CUT * _SHORT:
+    if np.trace(gram) <= _CUT * _SHORT:
         return whole, count, 0.0
     if not np.isfinite(np.sum(gram) + np.sum(missing)):  # eigh would raise
         v[:] = np.nan
         return whole, count, 0.0
-    alone = np.linalg.eigvalsh(gram)
-    size = max(alone[0], _STRAIGHT * alone[-1], _SHORT)
-    g = np.empty(rows.shape)
-    for i in range(rows.shape[0]):
-        g[i] = _project(rows[i], basis, whole, taken, share, count)
+    shortest, longest = _extremes(gram)
+    size = max(shortest, _STRAIGHT * longest, _SHORT)
+    g = _project_rows(rows, basis, whole, taken, share, count)
     gram = rows @ g.T
     values, vectors = np.linalg.eigh(0.5 * (gram + gram.T))
     along = np.ascontiguousarray(vectors.T)
