@@ -16,7 +16,8 @@ from wbc.scenario.units import QuantityError, read
 from wbc.scenario.wording import Faults, KeyPath, clip, listing, mapping
 
 _NAME = re.compile(r"[^\W\d][\w-]*")
-_NEEDS_CONTACTS: Final = ("object_pose", "equilibrium_force", "equilibrium_moment")
+_BALANCES: Final = ("equilibrium_force", "equilibrium_moment")
+_NEEDS_CONTACTS: Final = ("object_pose", *_BALANCES)
 
 
 def _texts(value: Any) -> Iterator[tuple[int, str]]:
@@ -89,10 +90,15 @@ def _stack(data: dict[str, Any], faults: Faults) -> None:
 
 def _tasks(data: dict[str, Any], faults: Faults) -> None:
     fingers = mapping(mapping(data.get("robot")).get("fingers"))
+    twice = _twins(data, fingers)
     for name, task in mapping(data.get("tasks")).items():
         kind = _kind(task)
         if kind in _NEEDS_CONTACTS and not data.get("contacts"):
             faults.add(("tasks", name), f"{kind} needs a block 'contacts'", on="key")
+        if kind in _BALANCES and twice:
+            one, other = map(clip, twice)
+            text = f"{kind} would count the tip of '{one}' and '{other}' twice"
+            faults.add(("tasks", name), text, on="key")
         if kind == "palm_distance" and "object" not in data:
             faults.add(("tasks", name), f"{kind} needs a block 'object'", on="key")
         if kind == "manipulability":
@@ -101,6 +107,16 @@ def _tasks(data: dict[str, Any], faults: Faults) -> None:
             for i, finger in _texts(mapping(task).get("fingers")):
                 if finger not in fingers:
                     faults.unknown(("tasks", name, "fingers", i), "finger", finger, fingers)
+
+
+def _twins(data: dict[str, Any], fingers: dict[Any, Any]) -> tuple[str, str] | None:
+    """Two contacts of the same tip, if there are."""
+    first: dict[str, str] = {}
+    for finger in mapping(data.get("contacts")):
+        tip = fingers.get(finger)
+        if isinstance(tip, str) and first.setdefault(tip, finger) != finger:
+            return first[tip], finger
+    return None
 
 
 def _surface(data: dict[str, Any]) -> tuple[str, type[SurfaceSpec]] | None:
@@ -219,12 +235,27 @@ def _holding(data: dict[str, Any], phase: dict[str, Any], here: KeyPath, faults:
                 faults.add(path, "has no entry in the block 'contacts'", on="key")
             else:
                 faults.unknown(path, "finger", finger, known or fingers, on="key")
+    _one_name_each(data, phase, here, faults)
     for finger in mapping(phase.get("force")):
         path = (*here, "force", finger)
         if finger not in known and finger not in fingers:
             faults.unknown(path, "finger", finger, known or fingers, on="key")
         elif finger not in holding:
             faults.add(path, "does not touch in this phase, so it has no force", on="key")
+
+
+def _one_name_each(
+    data: dict[str, Any], phase: dict[str, Any], here: KeyPath, faults: Faults
+) -> None:
+    """A tip with several names, one per contact point, has one of them at a time."""
+    fingers = mapping(mapping(data.get("robot")).get("fingers"))
+    used: dict[str, str] = {}
+    for block in ("contacts", "reach"):
+        for finger in mapping(phase.get(block)):
+            tip = fingers.get(finger)
+            if isinstance(tip, str) and used.setdefault(tip, finger) != finger:
+                text = f"is the tip of '{clip(used[tip])}', which is in this phase already"
+                faults.add((*here, block, finger), text, on="key")
 
 
 def _asked(data: dict[str, Any], phase: dict[str, Any], here: KeyPath, faults: Faults) -> None:

@@ -65,7 +65,9 @@ class Robot(Block):
         description="a name in urdf/, a path beside this file, or package://NAME/..."
     )
     srdf: Text | None = None
-    fingers: Mapping[str, Text] = Field(default={}, description="finger: frame of its tip")
+    fingers: Mapping[str, Text] = Field(
+        default={}, description="finger: frame of its tip; a name more for each place it touches"
+    )
     start: Mapping[str, JointValue] = Field(
         default={}, description="joint: position; fingers that hold are then closed on the object"
     )
