@@ -103,7 +103,7 @@ def test_the_whole_run_is_a_success(name: str) -> None:
 def test_the_reaching_arm_leaves_the_other_where_it_is() -> None:
     run = whole("dual_arm_reach")
     left = [k for k, n in enumerate(run.assembly.model.joint_names) if n.startswith("left_arm")]
-    assert np.degrees(np.abs(run.q[:, left] - run.q[0, left]).max()) < 15.0
+    assert np.degrees(np.abs(run.q[:, left] - run.q[0, left]).max()) < 0.1
 
 
 @pytest.mark.slow
@@ -119,7 +119,7 @@ def test_the_lower_task_is_met_as_well_as_the_higher_ones_allow() -> None:
     together, right, left = (task(run, name) for name in ("together", "right", "left"))
     last = in_phase(run, "right_first", "task_error")[-1]
     assert last[together] < 1e-6 and last[right] < 1e-4
-    assert last[left] == pytest.approx(0.9 - between, abs=1e-3)
+    assert last[left] == pytest.approx(0.9 - between, abs=1e-4)
     last = in_phase(run, "left_alone", "task_error")[-1]
     assert last[together] < 1e-6 and last[left] < 1.1e-4
     last = run.series("task_error")[-1]
