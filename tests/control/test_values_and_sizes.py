@@ -72,6 +72,18 @@ def test_an_old_state_steps_as_it_did_before(exchange: Assembly) -> None:
         assert record.status == seen[k][0].status
 
 
+def test_a_run_can_begin_again_whatever_the_controller_did_before(exchange: Assembly) -> None:
+    controller, state = exchange.controller, exchange.start
+    motion = state.phase.motion._replace(position=state.phase.motion.position + 0.1)
+    controller.step(state._replace(phase=state.phase._replace(motion=motion)))
+    again = controller.init(exchange.start.q)
+    np.testing.assert_array_equal(again.contact.pivot, exchange.start.contact.pivot)
+    first, second = again.phase.motion, exchange.start.phase.motion
+    for now, then in zip(first, second, strict=True):
+        np.testing.assert_array_equal(now, then)
+    np.testing.assert_array_equal(controller.step(again)[0].v, controller.step(exchange.start)[0].v)
+
+
 def test_what_becomes_of_a_record_does_not_become_of_the_state(exchange: Assembly) -> None:
     record, state = exchange.controller.step(exchange.start)
     for value in record:

@@ -58,6 +58,31 @@ def scenario(tmp_path: Path) -> Path:
     return path
 
 
+def test_followers_keep_the_limits_of_velocity_and_acceleration(tmp_path: Path) -> None:
+    text = ROBOT.replace('<mimic joint="b" multiplier="-1"/>', '<mimic joint="b" multiplier="-3"/>')
+    (tmp_path / "r.urdf").write_text(text)
+    path = tmp_path / "coupled.yaml"
+    path.write_text(
+        SCENARIO.replace("START", "a: 20 deg, b: 30 deg").replace("gain: 10 /s", "gain: 300 /s")
+        + "limits: {acceleration: 60 rad/s^2}\n"
+    )
+    assembly = build(load(path))
+    model, state = assembly.model, assembly.start
+    seen = []
+    for _ in range(300):
+        before = state.v
+        _, state = assembly.controller.step(state)
+        slope = (state.v - before) / assembly.controller.settings.dt
+        seen.append(
+            np.abs(np.outer((1, 1), model.ratio) * np.array([state.v, slope])[:, model.master])
+        )
+        q = model.full(state.q)
+        assert np.all(np.abs(q) <= 2.0 + 1e-12)
+    velocity, acceleration = np.max(seen, axis=0)
+    assert velocity.max() <= 4.0 * (1.0 + 1e-9)
+    assert 50.0 < acceleration.max() <= 60.0 * (1.0 + 1e-6)
+
+
 def test_the_task_is_reached_with_the_coupling_kept(scenario: Path) -> None:
     assembly = build(load(scenario))
     model, state = assembly.model, assembly.start

@@ -237,6 +237,7 @@ class ExtendedKinematics:
         grasp: the object and its fingers (None: no object in this scenario).
         robot: the robot's kinematics; tracked frame i is finger i's tip.
         state: the contact variables it was computed from.
+        start: where the object is put before the first tick; set once, when the scene is built.
         reference: where the object should be.
         charts: (N, 6, 3) c, c_u, c_v, c_uu, c_uv, c_vv in the object frame.
         frame: (N, 3, 3) Gauss frames R_OC, columns x, y and the outward normal.
@@ -257,7 +258,7 @@ class ExtendedKinematics:
         self.grasp = grasp
         self.gain = gain
         self.state = ContactState.planned(grasp, np.zeros(n, dtype=np.int64))
-        self.reference = ObjectReference(
+        self.reference = self.start = ObjectReference(
             np.zeros(3), np.eye(3), np.zeros(6), np.array(grasp.rest_length), np.zeros(n)
         )
         self.charts: Array = np.zeros((n, 6, 3))

@@ -128,7 +128,7 @@ class Controller:
         nv = law.kin.robot.model.nv
         q = checks.vector("q0", q0, nv)
         contact = ContactState.planned(law.kin.grasp, first.mode)
-        reference = law.kin.reference._replace(reach=first.pad)
+        reference = law.kin.start._replace(reach=first.pad)  # not where a tick has left it
         # every finger that holds sees the object where the scenario puts it
         law.kin.update(q, contact._replace(mode=np.zeros(n, dtype=np.int64)), reference)
         pivot = np.array([law.kin.touch(i) for i in range(n)]).reshape(n, 3, 3)

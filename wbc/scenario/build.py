@@ -215,11 +215,11 @@ def _check_faces(loaded: Loaded, grasp: Grasp) -> None:
 
 
 def place_object(kin: ExtendedKinematics, scenario: Scenario, controller: Controller) -> None:
-    """Put the object's reference where the scenario starts, pads pressed as in the first phase."""
+    """Put the object where the scenario starts, pads pressed as in the first phase."""
     if scenario.object is None:
         return
     pose = scenario.object.pose
-    kin.reference = kin.reference._replace(
+    kin.reference = kin.start = kin.start._replace(
         position=np.array(pose.xyz, dtype=np.float64),
         rotation=rotation_from_quaternion(np.array(pose.xyzw)),
         reach=np.array(controller.phases.phases[0].pad),
@@ -245,6 +245,10 @@ def _start(loaded: Loaded, model: RobotModel) -> Array:
 def _settings(scenario: Scenario, model: RobotModel) -> Settings:
     limits = scenario.limits
     rate = scenario.supervisor.smoothing
+    # a joint may have to hold back for those that follow it by more than its own motion
+    fastest = np.zeros(model.nv)
+    np.maximum.at(fastest, model.master, np.abs(model.ratio))
+    acceleration = math.inf if limits.acceleration is None else limits.acceleration
     return Settings(
         dt=scenario.simulation.step,
         runge_kutta=scenario.simulation.integrator == "rk4",
@@ -252,9 +256,7 @@ def _settings(scenario: Scenario, model: RobotModel) -> Settings:
         lower=model.lower,
         upper=model.upper,
         velocity=model.velocity * limits.velocity_scale,
-        acceleration=np.full(
-            model.nv, math.inf if limits.acceleration is None else limits.acceleration
-        ),
+        acceleration=acceleration / np.maximum(fastest, 1.0),
     )
 
 
