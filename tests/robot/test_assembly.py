@@ -134,7 +134,8 @@ def test_materials_of_one_name_are_kept_once_if_they_are_the_same(folder: Path) 
         ({"parent": "tol"}, "unknown parent link 'tol' (did you mean 'tool'?)"),
         ({"parent": ""}, "no parent: name the link of an earlier part"),
         ({"parent": "r_palm"}, "unknown parent link 'r_palm'"),
-        ({"prefix": "a b"}, "the prefix has white space"),
+        ({"prefix": "a b"}, "the prefix 'a b' has white space"),
+        ({"prefix": "a\x01"}, "the prefix 'a?' has white space or control characters"),
         ({"xyz": (0.0, float("nan"), 0.0)}, "xyz and rpy must be finite"),
     ],
 )
@@ -144,6 +145,12 @@ def test_a_part_out_of_place_is_one_line(folder: Path, hand: dict[str, object], 
     assert told in str(caught.value)
     assert "hand.urdf" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["", "a\x00b", "a\ud800"])
+def test_a_name_that_xml_cannot_hold_is_one_line(folder: Path, name: str) -> None:
+    with pytest.raises(UrdfError, match="the robot's name"):
+        assemble(name, _parts(folder))
 
 
 def test_names_that_two_parts_share_are_all_named(folder: Path) -> None:

@@ -140,6 +140,43 @@ def test_a_mesh_that_is_no_mesh_is_one_line(tmp_path: Path, clean: pytest.Monkey
         load_robot(robot(tmp_path / "r.urdf", "tip.stl"))
 
 
+@pytest.mark.parametrize(
+    "name", ["~nobody-of-that-name/tip.obj", 5000 * "a", "package://hand/" + 5000 * "a"]
+)
+def test_a_mesh_that_no_file_can_be_called_is_one_short_line(
+    tmp_path: Path, clean: pytest.MonkeyPatch, name: str
+) -> None:
+    with pytest.raises(UrdfError, match="is not found") as caught:
+        load_robot(robot(tmp_path / "r.urdf", name))
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 2000
+
+
+FACET = "facet normal 0 0 1\nouter loop\n{}\nendloop\nendfacet"
+
+
+@pytest.mark.parametrize(
+    ("corners", "told"),
+    [
+        ("vertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0", "is flat"),
+        ("vertex 0 0 0\nvertex nan 0 0\nvertex 0 inf 0", "no numbers"),
+    ],
+)
+def test_a_mesh_without_a_hull_is_one_line(
+    tmp_path: Path, clean: pytest.MonkeyPatch, corners: str, told: str
+) -> None:
+    put(tmp_path / "tip.stl", f"solid s\n{FACET.format(corners)}\nendsolid s\n")
+    with pytest.raises(UrdfError, match=told) as caught:
+        load_robot(robot(tmp_path / "r.urdf", "tip.stl"))
+    assert "r.urdf" in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_mesh_is_not_read_whatever_its_size(tmp_path: Path, clean: pytest.MonkeyPatch) -> None:
+    mesh(tmp_path / "tip.obj")
+    clean.setattr("wbc.robot.prepare.MAX_MESH_BYTES", 10)
+    with pytest.raises(UrdfError, match=r"r\.urdf:7: collision mesh 'tip\.obj' is larger than"):
+        load_robot(robot(tmp_path / "r.urdf", "tip.obj"))
+
+
 def test_meshes_load_and_are_convex(tmp_path: Path, clean: pytest.MonkeyPatch) -> None:
     mesh(tmp_path / "hand" / "meshes" / "tip.obj")
     path = robot(tmp_path / "hand" / "urdf" / "r.urdf", "package://hand/meshes/tip.obj")

@@ -16,6 +16,7 @@ from lxml import etree
 
 from wbc.errors import UrdfError, WbcError, did_you_mean
 from wbc.robot.packages import locate
+from wbc.robot.strict_xml import shown
 from wbc.robot.urdf import load_urdf_text
 
 Vector = tuple[float, float, float]
@@ -71,8 +72,11 @@ def assemble(name: str, parts: Sequence[Part]) -> str:
 
     Raises:
         UrdfError: a part that fails the strict check, an unknown parent, a name that two parts
-            share, a mesh that is not there; one line per fault.
+            share, a mesh that is not there, a name or prefix that XML cannot hold; one line per
+            fault.
     """
+    if misnamed := _misnamed(name, parts):
+        raise UrdfError("\n".join(misnamed))
     robot = etree.Element("robot", name=name)
     taken: dict[tuple[str, str], str] = {}
     faults: list[str] = [] if parts else ["no parts: a robot has at least one"]
@@ -109,6 +113,18 @@ def _root(robot: etree._Element) -> str:
     )
 
 
+def _misnamed(name: str, parts: Sequence[Part]) -> list[str]:
+    """Which names cannot be written into a URDF."""
+    faults = []
+    if not name.strip() or not name.isprintable():
+        faults.append(f"the robot's name '{shown(name)}' is empty or has control characters in it")
+    for prefix, urdf in dict.fromkeys((part.prefix, part.urdf) for part in parts):
+        if prefix != "".join(prefix.split()) or not prefix.isprintable():
+            what = f"the prefix '{shown(prefix)}' has white space or control characters in it"
+            faults.append(f"{urdf}: {what}")
+    return faults
+
+
 def _misplaced(part: Part, number: int, links: Sequence[str]) -> list[str]:
     """What is wrong with where a part goes."""
     faults = []
@@ -121,8 +137,6 @@ def _misplaced(part: Part, number: int, links: Sequence[str]) -> list[str]:
         faults.append(f"{part}: unknown parent link '{part.parent}'{hint}")
     if not all(math.isfinite(x) for x in (*part.xyz, *part.rpy)):
         faults.append(f"{part}: xyz and rpy must be finite numbers")
-    if part.prefix != "".join(part.prefix.split()) or not part.prefix.isprintable():
-        faults.append(f"{part}: the prefix has white space or control characters in it")
     return faults
 
 

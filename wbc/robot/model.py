@@ -182,7 +182,7 @@ def load_robot(path: Path, *, text: str | None = None, capsules: bool = True) ->
         path=path,
         text=found.text,
         pin_model=model,
-        geometry=rounded(_collision_shapes(model, ready, path), capsules=capsules),
+        geometry=_collision_shapes(model, ready, path, capsules),
         joint_names=tuple(free),
         lower=read_only([x.lower for x in limits]),
         upper=read_only([x.upper for x in limits]),
@@ -196,12 +196,16 @@ def load_robot(path: Path, *, text: str | None = None, capsules: bool = True) ->
     )
 
 
-def _collision_shapes(model: Any, text: str, path: Path) -> Any:
+def _collision_shapes(model: Any, text: str, path: Path, capsules: bool) -> Any:
     try:
-        return pin.buildGeomFromUrdfString(model, text, pin.GeometryType.COLLISION)
+        shapes = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.COLLISION)
     except (ValueError, RuntimeError) as error:
         reason = (str(error).splitlines() or ["unknown"])[-1]
         raise UrdfError(f"{path}: a collision mesh cannot be read: {reason}") from None
+    try:
+        return rounded(shapes, capsules=capsules)
+    except WbcError as error:
+        raise UrdfError(f"{path}: {error}") from None
 
 
 def _is_planar(model: Any) -> bool:

@@ -8,9 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from wbc.errors import WbcError
+from wbc.robot.strict_xml import shown
 
 _SCHEME = "package://"
 _DATA = "example-robot-data"
+_SHOWN = 300  # characters of a path in a message
 
 
 def locate(name: str, folder: Path) -> Path:
@@ -25,16 +27,33 @@ def locate(name: str, folder: Path) -> Path:
         WbcError: there is no such file; the text, one line, says where it was looked for.
     """
     if not name.startswith(_SCHEME):
-        path = folder / Path(name.removeprefix("file://")).expanduser()
-        if path.is_file():
+        path = folder / at_home(name.removeprefix("file://"))
+        if is_file(path):
             return path
-        raise WbcError(f"no file {path}")
+        raise WbcError(f"no file {shown(str(path), _SHOWN)}")
     package, _, inside = name.removeprefix(_SCHEME).lstrip("/").partition("/")
     for shelf in _shelves(folder):
         for root in (shelf / package, shelf):
-            if root.name == package and (root / inside).is_file():
+            if root.name == package and is_file(root / inside):
                 return root / inside
-    raise WbcError(f"no file '{inside}' in a package '{package}': {_looked(package, folder)}")
+    what = f"no file '{shown(inside, _SHOWN)}' in a package '{shown(package)}'"
+    raise WbcError(f"{what}: {_looked(package, folder)}")
+
+
+def at_home(name: str) -> Path:
+    """The path `name` with ``~`` as the home folder, as it stands where there is none."""
+    try:
+        return Path(name).expanduser()
+    except RuntimeError:  # of a user that is not known here
+        return Path(name)
+
+
+def is_file(path: Path) -> bool:
+    """Whether `path` is a regular file; False for what no file can be called, too."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def _shelves(folder: Path) -> Iterator[Path]:

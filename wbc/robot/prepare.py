@@ -8,7 +8,11 @@ from lxml import etree
 
 from wbc.errors import UrdfError, WbcError
 from wbc.robot.packages import locate
+from wbc.robot.strict_xml import shown
 from wbc.robot.urdf_joint import TURNS, UNLIMITED
+
+MAX_MESH_BYTES = 200_000_000
+"""A larger collision mesh is refused before it costs memory: no distance is computed of one."""
 
 
 def prepared(text: str, path: Path) -> str:
@@ -21,7 +25,7 @@ def prepared(text: str, path: Path) -> str:
         path: where it came from, which relative mesh files are seen from.
 
     Raises:
-        UrdfError: a collision mesh that is not found.
+        UrdfError: a collision mesh that is not found, or larger than any that is of use.
     """
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
     robot = etree.fromstring(text.encode("utf-8"), parser)
@@ -49,13 +53,23 @@ def _find_meshes(robot: etree._Element, path: Path) -> None:
     for mesh in robot.iter("mesh"):
         name = mesh.get("filename", "")
         try:
-            mesh.set("filename", str(locate(name, path.parent).resolve()))
+            file = locate(name, path.parent).resolve()
+            mesh.set("filename", str(file))
         except WbcError as error:
-            shape = mesh.getparent()
-            owner = None if shape is None else shape.getparent()
-            if owner is not None and owner.tag == "collision":
+            if _collides(mesh):
                 missing.append((mesh.sourceline or 1, name, str(error)))
+            continue
+        if _collides(mesh) and file.stat().st_size > MAX_MESH_BYTES:
+            what = f"collision mesh '{shown(name)}' is larger than {MAX_MESH_BYTES // 10**6} MB"
+            raise UrdfError(f"{path}:{mesh.sourceline or 1}: {what}; take a coarser one")
     if missing:
         line, name, reason = missing[0]
         more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
-        raise UrdfError(f"{path}:{line}: collision mesh '{name}'{more} is not found: {reason}")
+        what = f"collision mesh '{shown(name)}'{more}"
+        raise UrdfError(f"{path}:{line}: {what} is not found: {reason}")
+
+
+def _collides(mesh: etree._Element) -> bool:
+    shape = mesh.getparent()
+    owner = None if shape is None else shape.getparent()
+    return owner is not None and owner.tag == "collision"

@@ -16,6 +16,7 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
 from wbc.arrays import Array
+from wbc.errors import WbcError
 
 EXCESS = 0.01
 """How far a capsule may stand out of its shape, [m]; a tenth of its diagonal, if that is more."""
@@ -47,6 +48,9 @@ def rounded(geometry: Any, *, capsules: bool = True) -> Any:
         capsules: a shape that a capsule fits to within `EXCESS`, or a tenth of its diagonal,
             becomes that capsule, which holds all of it. Of the others, and of all without this, a
             mesh becomes its convex hull and the rest stays.
+
+    Raises:
+        WbcError: a mesh of which no hull can be made, with the name of its shape.
     """
     out = pin.GeometryModel()
     for o in geometry.geometryObjects:
@@ -55,12 +59,14 @@ def rounded(geometry: Any, *, capsules: bool = True) -> Any:
             out.addGeometryObject(o)
             continue
         points = corners(shape)
+        if not np.isfinite(points).all():
+            raise WbcError(f"the mesh of '{o.name}' has corners that are no numbers; repair it")
         capsule = capsule_about(points) if capsules else None
         allowed = max(EXCESS, _RELATIVE * float(np.linalg.norm(np.ptp(points, axis=0))))
         if capsule is not None and capsule.excess <= allowed:
             out.addGeometryObject(_as_object(o, capsule))
         elif isinstance(shape, coal.BVHModelBase):
-            out.addGeometryObject(_replaced(o, o.placement, _convex(points)))
+            out.addGeometryObject(_replaced(o, o.placement, _convex(points, o.name)))
         else:
             out.addGeometryObject(o)
     return out
@@ -138,10 +144,14 @@ def _middle(points: Array) -> Array:
     return best
 
 
-def _convex(points: Array) -> Any:
+def _convex(points: Array, name: str) -> Any:
     cloud = coal.StdVec_Vec3s()
     cloud.extend([point for point in points[_hull(points)]])
-    return coal.Convex.convexHull(cloud, True, None)
+    try:
+        return coal.Convex.convexHull(cloud, True, None)
+    except (ValueError, RuntimeError):  # what coal raises differs between its versions
+        remedy = "give it one, or take a thin <box>"
+        raise WbcError(f"the mesh of '{name}' is flat, it has no thickness; {remedy}") from None
 
 
 def _as_object(source: Any, capsule: Capsule) -> Any:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from wbc import resources
-from wbc.robot.packages import locate
+from wbc.robot.packages import at_home, is_file, locate
 
 _ENDINGS: Final = ("", ".urdf", ".parts.yaml")
 
@@ -24,11 +24,11 @@ def robot_file(name: str, folder: Path) -> Path:
     """
     if "://" in name:
         return locate(name, folder)
-    path = Path(name).expanduser()
+    path = at_home(name)
     bare = path.name == name
     for place in (folder, resources.folder("urdf")) if bare else (folder,):
         for ending in _ENDINGS:
             candidate = place / path.with_name(path.name + ending) if path.name else place / path
-            if candidate.is_file():
+            if is_file(candidate):
                 return candidate
     return resources.find("urdf", name) if bare else locate(name, folder)
