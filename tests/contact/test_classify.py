@@ -11,7 +11,9 @@ from conformance.worlds import FIXED, FREE, SLIDING, make_world
 
 from wbc.contact.classify import classify, friction_needed
 from wbc.contact.extended_finger import extended_jacobian
+from wbc.contact.surfaces.circle import Circle
 from wbc.contact.surfaces.fourier_contour import FourierContour
+from wbc.contact.surfaces.sphere import Sphere
 from wbc.rotations import exp_so3
 
 
@@ -112,17 +114,40 @@ def test_redundancy_counts_the_fingers_own_joints():
 
 def test_a_finger_with_as_many_joints_as_rows_is_not_redundant(short_finger):
     """A planar finger of two joints and a pivot: three variables, three rows."""
-    assert short_finger(FIXED, bent=True).redundant_fingers == ()
-    assert short_finger(SLIDING, bent=True).redundant_fingers == ("tip",)
-    assert short_finger(FIXED, bent=False).redundant_fingers == ("tip",), "a stretched chain"
+
+    def touching(mode, elbow):
+        return short_finger(mode, Circle(0.2), (math.pi, 0.0), "zz", (0.4, elbow))
+
+    assert touching(FIXED, 0.9).redundant_fingers == ()
+    assert touching(SLIDING, 0.9).redundant_fingers == ("tip",)
+    assert touching(FIXED, 0.0).redundant_fingers == ("tip",), "a stretched chain"
+
+
+@pytest.mark.parametrize(
+    ("joints", "mode", "towards", "redundant"),
+    [
+        (1, FIXED, "ahead", False),  # 1 joint, 3 pivots
+        (1, SLIDING, "ahead", False),  # and 2 chart coordinates: as many as rows
+        (1, SLIDING, "beside", True),  # the joint moves the tip along the surface: it can go on
+        (3, FIXED, "ahead", False),
+        (3, SLIDING, "ahead", True),
+    ],
+)
+def test_redundancy_of_a_finger_in_space(short_finger, joints, mode, towards, redundant):
+    """Six rows; the first joint moves the tip along y, where the object is ahead of it."""
+    surface = Sphere(0.2)
+    at = (math.pi / 2, 0.0) if towards == "ahead" else (0.0, 0.0)
+    axes, q = ("z", "y", "y")[:joints], (0.0, 0.4, -0.9)[:joints]
+    grasp = short_finger(mode, surface, at, axes, q)
+    assert grasp.redundant_fingers == (("tip",) if redundant else ())
+    assert grasp.indeterminate, "one tip holds nothing"
 
 
 @pytest.fixture
 def short_finger(tmp_path):
-    """A planar arm of two joints that touches a circle's side."""
+    """A chain of links of 1 m along x that touches a surface which is not turned."""
     from wbc.contact.extended_finger import ExtendedKinematics
     from wbc.contact.grasp import ContactState, Grasp, ObjectReference
-    from wbc.contact.surfaces.circle import Circle
     from wbc.robot.kinematics import Kinematics
     from wbc.robot.model import load_robot
 
@@ -130,28 +155,37 @@ def short_finger(tmp_path):
         '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" '
         'iyz="0"/></inertial>'
     )
-    limit = '<axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/>'
-    path = tmp_path / "arm.urdf"
-    path.write_text(f"""<robot name="arm"><link name="base"/>
-  <link name="upper">{inertial}</link><link name="lower">{inertial}</link><link name="tip"/>
-  <joint name="a" type="revolute"><parent link="base"/><child link="upper"/>{limit}</joint>
-  <joint name="b" type="revolute"><parent link="upper"/><child link="lower"/>
-    <origin xyz="1 0 0"/>{limit}</joint>
-  <joint name="c" type="fixed"><parent link="lower"/><child link="tip"/>
-    <origin xyz="1 0 0"/></joint></robot>""")
+    axis = {"y": "0 1 0", "z": "0 0 1"}
 
-    def classified(mode, *, bent):
+    def written(axes):
+        rows, parent, ahead = ['<robot name="arm"><link name="base"/>'], "base", 0
+        for k, name in enumerate(axes):
+            rows.append(
+                f'<link name="link_{k}">{inertial}</link><joint name="joint_{k}" type="revolute">'
+                f'<parent link="{parent}"/><child link="link_{k}"/><origin xyz="{ahead} 0 0"/>'
+                f'<axis xyz="{axis[name]}"/><limit lower="-2" upper="2" effort="1" velocity="1"/>'
+                "</joint>"
+            )
+            parent, ahead = f"link_{k}", 1
+        rows.append(
+            f'<link name="tip"/><joint name="end" type="fixed"><parent link="{parent}"/>'
+            '<child link="tip"/><origin xyz="1 0 0"/></joint></robot>'
+        )
+        path = tmp_path / f"{len(axes)}_{axes[-1]}.urdf"
+        path.write_text("\n".join(rows))
+        return path
+
+    def classified(mode, surface, at, axes, q):
         one = np.ones(1)
         grasp = Grasp(
-            Circle(0.2), ("tip",), np.array([[math.pi, 0.0]]), np.zeros(1, dtype=np.int64),
-            5e4 * one, 0.005 * one, one, True,
+            surface, ("tip",), np.array([at]), np.zeros(1, dtype=np.int64),
+            5e4 * one, 0.005 * one, one, surface.planar,
         )  # fmt: skip
-        kin = ExtendedKinematics(Kinematics(load_robot(path), ("tip",)), grasp, 50.0)
+        robot = load_robot(written(axes))
+        kin = ExtendedKinematics(Kinematics(robot, ("tip",)), grasp, 50.0)
         state = ContactState.planned(grasp, np.array([mode], dtype=np.int64))
-        place = ObjectReference(
-            np.array([1.5, 0.5, 0.0]), np.eye(3), np.zeros(6), 0.005 * one, np.zeros(1)
-        )
-        q = np.array([0.4, 0.9 if bent else 0.0])
+        place = ObjectReference(np.zeros(3), np.eye(3), np.zeros(6), 0.005 * one, np.zeros(1))
+        q = np.array(q)
         kin.update(q, state._replace(mode=np.zeros(1, dtype=np.int64)), place)
         return classify(kin.update(q, state._replace(pivot=kin.touch(0)[None]), place))
 

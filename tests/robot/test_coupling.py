@@ -282,6 +282,15 @@ def test_an_uncoupled_robot_has_all_its_joints() -> None:
         assert not array.flags.writeable
 
 
+def test_a_robot_of_one_joint(tmp_path: Path) -> None:
+    """Pinocchio hands over its matrices of one column as vectors."""
+    model = loaded(tmp_path, urdf([("a", "", "revolute", "0 0 1", 'xyz="0.1 0 0"')], {}))
+    kin = Kinematics(model, ("a_link",), track_com=True).update(np.array([0.4]))
+    assert_allclose(kin.angular[0], [[0.0], [0.0], [1.0]], atol=1e-15)
+    arm = kin.com - kin.position[0]
+    assert_allclose(kin.com_jacobian[:, 0], [-arm[1], arm[0], 0.0], atol=1e-15)
+
+
 def narrow(
     folder: Path, multiplier: float, offset: float, lower: float, upper: float
 ) -> RobotModel:

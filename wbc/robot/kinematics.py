@@ -154,8 +154,9 @@ class Kinematics:
         self._ids = np.array(ids, dtype=np.int64)
         self._frame_poses = placements(self.data.oMf)
         self.joint_poses = placements(self.data.oMi)
-        self.joint_jacobian: Array = self.data.J
-        self._com_jacobian: Array = self.data.Jcom
+        # of a robot with one joint, Pinocchio's matrices arrive with one dimension
+        self.joint_jacobian: Array = self.data.J.reshape(6, model.n_full, order="F")
+        self._com_jacobian: Array = self.data.Jcom.reshape(3, model.n_full, order="F")
 
     def update(self, q: Array) -> Kinematics:
         """Bring everything to q, shape (nv,), finite."""
