@@ -10,6 +10,7 @@ import pytest
 from wbc.control.controller import Controller, Settings
 from wbc.control.state import Measurement, Status
 from wbc.errors import SetupError
+from wbc.rotations import exp_so3
 from wbc.scenario import load
 from wbc.scenario.build import Assembly, build
 
@@ -74,7 +75,7 @@ def test_an_old_state_steps_as_it_did_before(exchange: Assembly) -> None:
 
 def test_a_run_can_begin_again_whatever_the_controller_did_before(exchange: Assembly) -> None:
     controller, state = exchange.controller, exchange.start
-    motion = state.phase.motion._replace(position=state.phase.motion.position + 0.1)
+    motion = state.phase.motion._replace(rotation=exp_so3(np.array([0.0, 0.0, 0.3])))
     controller.step(state._replace(phase=state.phase._replace(motion=motion)))
     again = controller.init(exchange.start.q)
     np.testing.assert_array_equal(again.contact.pivot, exchange.start.contact.pivot)

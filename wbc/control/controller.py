@@ -104,7 +104,7 @@ class Controller:
         stack, event, target = self._supervised(t, state, motion)  # who is in the stack
         gains_next = gains.advance(state.activation, target, self.settings.smoothing, dt)
         shares = (1.0, 1.0)
-        if self.settings.runge_kutta:  # three further evaluations inside the tick
+        if self.settings.runge_kutta and finite(motion):  # three further evaluations in the tick
             motion, shares = self._over_the_tick(t, state, motion, locks, target, gains_next)
         step, status, limited = self._limited(state, motion, here, locks, shares, measurement)
         q, contact = moved(state.q, state.contact, step, dt)
