@@ -100,6 +100,7 @@ def simulate(
     start: ControllerState | None = None,
     edits: Mapping[int, Edit] | None = None,
     sense: Sense | None = None,
+    to_the_end: bool = False,
 ) -> Run:
     """Run a scenario on the ideal robot.
 
@@ -109,6 +110,7 @@ def simulate(
         start: state to start from instead of the scenario's.
         edits: by tick, what a user does before it.
         sense: what the robot reports before a tick.
+        to_the_end: stop when the last phase has ended or one has stopped the sequence.
     """
     assembly = assembly or assemble(scenario, overrides)
     controller = assembly.controller
@@ -120,6 +122,8 @@ def simulate(
         measurement = Measurement(state.q) if sense is None else sense(state)
         record, state = controller.step(state, measurement)
         records.append(record)
+        if to_the_end and (state.phase.done or state.phase.stopped):
+            break
     return Run(assembly, records, state, first.v)
 
 

@@ -20,6 +20,7 @@ from wbc.contact.grasp import GraspClass
 from wbc.control.controller import Controller
 from wbc.control.phases import ExitCondition, Phase, PhaseSequence
 from wbc.control.state import ControllerState, Measurement, TickRecord
+from wbc.costs.collision import Collision
 
 TICK = 5e-3
 """Euler tick of a rehearsal, [s]: short enough for every gain up to 100 /s."""
@@ -27,6 +28,7 @@ TICK = 5e-3
 _POSITION = 1e-3  # what counts as reached, [m]
 _RESIDUAL = 1e-3  # what counts as balanced, in the task's units
 _ENDLESS = 2.0  # after its motion, a phase without timeout is given so long, [s]
+_NEAR = 0.5  # of the safety distance: nearer than this, avoidance has lost
 _AT_LIMIT = 1e-3  # a joint this near to its limit stands at it, [rad] or [m]
 
 
@@ -84,6 +86,7 @@ def rehearse(controller: Controller, start: ControllerState, tick: float = TICK)
     stages: list[Stage] = []
     faults: list[str] = []
     nearest: tuple[float, tuple[str, str] | None] = (math.inf, None)
+    least = _least(controller)
     state, longest = start, sum(p.timeout for p in phases.phases)
     for _ in range(math.ceil(longest / tick) + 1):
         record, after = coarse.step(state, Measurement(state.q))
@@ -92,7 +95,7 @@ def rehearse(controller: Controller, start: ControllerState, tick: float = TICK)
             nearest = (math.inf, None)
         nearest = min(nearest, _closest(coarse), key=lambda pair: pair[0])
         state = after
-        collided = nearest[0] <= 0.0
+        collided = nearest[0] <= least
         if collided or state.phase.done or state.phase.stopped:
             stages.append(_stage(coarse, state, record, nearest))
             if collided:
@@ -119,6 +122,16 @@ def _coarse(phase: Phase) -> Phase:
     if math.isinf(patience):
         patience = max(until.time, phase.over) + _ENDLESS
     return replace(phase, until=until, timeout=patience, on_timeout="stop")
+
+
+def _least(controller: Controller) -> float:
+    """Distance that no watched pair may come below, [m]: between contact and the safety distance.
+
+    Where several costs watch, the smallest of their safety distances counts for all pairs.
+    """
+    costs = controller.law.costs
+    watched = [cost.safety_distance for cost in costs if isinstance(cost, Collision)]
+    return _NEAR * min(watched, default=0.0)
 
 
 def _closest(controller: Controller) -> tuple[float, tuple[str, str] | None]:
@@ -166,7 +179,10 @@ def _loose(stages: list[Stage]) -> list[str]:
 
 def _collision(stage: Stage) -> str:
     a, b = stage.nearest or ("?", "?")
-    return f"phase '{stage.name}': '{a}' and '{b}' would collide (at {stage.time:.2f} s)"
+    how = "would collide"
+    if stage.distance > 0.0:
+        how = f"come as near as {1e3 * stage.distance:.2g} mm, below half the safety distance"
+    return f"phase '{stage.name}': '{a}' and '{b}' {how} (at {stage.time:.2f} s)"
 
 
 def _unfinished(controller: Controller, stage: Stage, record: TickRecord) -> str:
