@@ -133,7 +133,8 @@ def holding(assembly: Assembly, like: ControllerState, hold: list[str]) -> Contr
 
 def show(scenario: str) -> None:
     """Print both tables."""
-    if load(scenario).scenario.object.surface.type != "cylinder":
+    held = load(scenario).scenario.object
+    if held is None or held.surface.type != "cylinder":
         raise SystemExit("--growth: contact points are found on a cylinder only")
     whole = both(scenario, {})
     state = shared(whole[0])
