@@ -33,6 +33,7 @@ _FULL = 1e-4
 # The directions of a block are measured by the shortest, but by no less than this share of the
 # longest (squared): where an arm is almost straight, its rows alone are damped.
 _STRAIGHT = 1e-3
+_WORST = 4.0 / 3.0 * np.sqrt(2.0 / 3.0)  # the largest (2 − x) √x, x in [0, 1]
 # Squared length below which a row is shorter than anything a task means, so that one that passes
 # through zero neither drives the joints without bound nor takes a direction made of rounding.
 _SHORT = 1e-12
@@ -237,7 +238,12 @@ def _add_block(
     # direction must not move the task in another
     root = np.sqrt(np.maximum(free, _CUT))
     unfaded = (inverse * root * (along @ missing) / size) @ g
-    v += (activation * take / root * (g @ unfaded) / size) @ g
+    step = (activation * take / root * (g @ unfaded) / size) @ g
+    # where a level above fades N is no projector, and what its directions have in common is in no
+    # single inverse: the bound of a row is kept by the length of the whole step
+    most = activation * _WORST / np.sqrt(exact * size) * np.sqrt(np.sum(missing * missing))
+    speed = np.sqrt(np.sum(step * step))
+    v += step if speed <= most else step * (most / speed)
     for k in range(len(free) - 1, -1, -1):  # the whole ones first
         if count == 0 and activation == 1.0 and free[k] >= _FULL:
             basis[whole] = g[k] / np.sqrt(np.sum(g[k] * g[k]))
