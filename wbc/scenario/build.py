@@ -31,6 +31,7 @@ from wbc.scenario.names import check_names
 from wbc.scenario.places import robot_file
 from wbc.scenario.robots import read_robot
 from wbc.scenario.schema import Scenario
+from wbc.scenario.touches import check_touches
 from wbc.stack.supervisor import Supervisor
 
 _NO_GAIN = 1.0  # of the main task where there is no object: it has no rows
@@ -79,7 +80,7 @@ def build(loaded: Loaded) -> Assembly:
         name for name, k in zip(joints, model.own, strict=True) if model.is_prismatic(int(k))
     ]
     faults = check_names(scenario, joints, model.frame_names, links, prismatic, model.followers)
-    if faults:
+    if faults := [*faults, *check_touches(scenario)]:
         raise loaded.error(faults)
     try:
         return _assemble(loaded, model)
