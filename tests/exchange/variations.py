@@ -71,7 +71,8 @@ def judge(scenario: str, number: int, **settings: Any) -> Result:
         assembly = build(load(scenario, overrides={**variation(scenario, number), **settings}))
     except WbcError as error:
         return Result("refused", (str(error),))
-    faults = rehearse(assembly.controller, assembly.start).faults
+    rehearsal = rehearse(assembly.controller, assembly.start)
+    faults = tuple(fault.text for fault in rehearsal.faults)
     return Result("refused", faults) if faults else simulated(assembly)
 
 

@@ -11,10 +11,10 @@ from textwrap import wrap
 import numpy as np
 
 from wbc.cli.progress import SlowNotice
-from wbc.cli.session import load_with_settings
+from wbc.cli.session import fault_lines, load_with_settings, safety_distance
 from wbc.contact.grasp import ContactMode, GraspClass
 from wbc.control.phases import Phase
-from wbc.control.rehearsal import Stage, rehearse
+from wbc.control.rehearsal import LONGEST, Rehearsal, Stage, rehearse
 from wbc.robot.model import RobotModel
 from wbc.robot.pruning import PairReport
 from wbc.scenario.build import Assembly, build
@@ -35,21 +35,24 @@ def check_command(arguments: argparse.Namespace) -> int:
         f"  {assembly.ticks} ticks of {1e3 * simulation.step:g} ms, {simulation.integrator}, "
         f"seed {simulation.seed}, sha256 {loaded.hash[:12]}"
     )
-    faults: list[str] = []
+    rehearsal = rehearse(assembly.controller, assembly.start)
     for title, lines in (
         ("robot", robot_lines(assembly.model)),
         ("tasks, highest priority first", _tasks(assembly)),
         ("collision pairs", _pairs(assembly.pairs)),
-        ("start", _start(assembly, faults)),
-        ("phases", _phases(assembly, faults)),
+        ("start", _start(assembly)),
+        ("phases", _phases(assembly, rehearsal)),
     ):
         print(title)
         for line in lines:
             print(f"  {line}")
-    for fault in faults:
-        print(f"{loaded.source.shown}: {fault}", file=sys.stderr)
-    print("faults found, see above" if faults else "ready to run")
-    return 2 if faults else 0
+    for line in fault_lines(loaded, rehearsal.warnings):
+        print(f"warning: {line}")
+    sys.stdout.flush()  # the faults come last, also where both go to one place
+    for line in fault_lines(loaded, rehearsal.faults):
+        print(line, file=sys.stderr)
+    print("faults found, see above" if rehearsal.faults else "ready to run")
+    return 2 if rehearsal.faults else 0
 
 
 def robot_lines(model: RobotModel) -> Iterable[str]:
@@ -122,8 +125,8 @@ def _pairs(report: PairReport | None) -> Iterable[str]:
                 )
 
 
-def _start(assembly: Assembly, faults: list[str]) -> Iterable[str]:
-    """Distances, limits and manipulability at the closed start; collisions are faults."""
+def _start(assembly: Assembly) -> Iterable[str]:
+    """Distances and limits at the closed start."""
     law, state, model = assembly.controller.law, assembly.start, assembly.model
     kin = law.kin.update(state.q, state.contact, law.kin.reference)
     if kin.holding:
@@ -141,23 +144,13 @@ def _start(assembly: Assembly, faults: list[str]) -> Iterable[str]:
     yield "nearest watched pairs:"
     for k in order[:_NEAREST]:
         yield f"  {names[k][0]}-{names[k][1]}: {distances.value[k]:.3f} m"
-    for k in order:
-        if not distances.value[k] > 0.0:
-            a, b = names[k]
-            depth = -1e3 * float(distances.value[k])
-            faults.append(
-                f"start: '{a}' and '{b}' collide, {depth:.1f} mm deep (move the robot's start or "
-                "the object, or leave the pair out in robot.collisions)"
-            )
 
 
-def _phases(assembly: Assembly, faults: list[str]) -> Iterable[str]:
-    """Each phase as it went in a rehearsal; what stands in the way is a fault."""
-    stages: dict[str, Stage] = {}
-    if not faults:  # from a start in collision there is nothing to rehearse
-        rehearsal = rehearse(assembly.controller, assembly.start)
-        faults += rehearsal.faults
-        stages = {stage.name: stage for stage in rehearsal.stages}
+def _phases(assembly: Assembly, rehearsal: Rehearsal) -> Iterable[str]:
+    """Each phase as it went in a rehearsal."""
+    stages = {stage.name: stage for stage in rehearsal.stages}
+    failed = {fault.phase for fault in rehearsal.faults}
+    safe = safety_distance(assembly.loaded.scenario)
     for number, phase in enumerate(assembly.controller.phases.phases, start=1):
         touching = [
             f"{finger} {ContactMode(int(mode)).name.lower()}"
@@ -167,12 +160,18 @@ def _phases(assembly: Assembly, faults: list[str]) -> Iterable[str]:
         yield f"{number}. {phase.name}: {', '.join(touching) or 'no contact'}{_ends(phase)}"
         stage = stages.get(phase.name)
         if stage is None:
-            yield "   not rehearsed: what comes before it failed"
+            yield f"   not rehearsed: it stops {'at a fault' if failed else f'after {LONGEST:g} s'}"
             continue
         near = ""
         if stage.nearest is not None:
-            near = f"; nearest {stage.nearest[0]}-{stage.nearest[1]}, {stage.distance:.3f} m"
-        yield f"   rehearsed: over at {stage.time:.2f} s{near}"
+            near = f"; nearest {'-'.join(stage.nearest)}, {stage.distance:.3f} m"
+        ended = "failed" if number - 1 in failed and stage is rehearsal.stages[-1] else "over"
+        yield f"   rehearsed: {ended} at {stage.time:.2f} s{near}"
+        if safe is not None and stage.nearest is not None and 0.0 < stage.distance < safe:
+            yield (
+                f"   warning: comes within {1e3 * stage.distance:.1f} mm, less than the safety "
+                f"distance of {1e3 * safe:g} mm"
+            )
         if stage.grasp is not None:
             yield from (f"   {line}" for line in _grasp_lines(stage.grasp))
             yield f"   manipulability: {_manipulability(assembly, phase, stage)}"

@@ -19,6 +19,7 @@ from wbc.cli.session import (
     ROBOT,
     SCENARIO,
     SUMMARY,
+    fault_lines,
     load_with_settings,
     results_folder,
     run_meta,
@@ -81,8 +82,7 @@ def _rehearsed(assembly: Assembly) -> None:
     """Refuse what a rehearsal shows to be impossible. Raises SetupError, a line per reason."""
     faults = rehearse(assembly.controller, assembly.start).faults
     if faults:
-        shown = assembly.loaded.source.shown
-        raise SetupError("\n".join(f"{shown}: {fault}" for fault in faults))
+        raise SetupError("\n".join(fault_lines(assembly.loaded, faults)))
 
 
 @final

@@ -5,16 +5,19 @@ from __future__ import annotations
 import argparse
 import json
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from wbc import resources
+from wbc.control.plan import Fault
 from wbc.errors import WbcError
 from wbc.recording import RunMeta
 from wbc.scenario import Loaded, load
 from wbc.scenario.build import Assembly
 from wbc.scenario.kinds import CollisionSpec
 from wbc.scenario.schema import Scenario
+from wbc.scenario.wording import KeyPath
 
 LOG, SUMMARY, SCENARIO, ROBOT = "log.npz", "summary.json", "scenario.yaml", "robot.urdf"
 """Files of a run's folder."""
@@ -104,7 +107,7 @@ def run_meta(assembly: Assembly) -> RunMeta:
         task_units=tuple(_unit(scenario, name, model.planar) for name in names),
         remove_above=scenario.supervisor.remove_above,
         insert_below=scenario.supervisor.insert_below,
-        safety_distance=_safety(scenario),
+        safety_distance=safety_distance(scenario),
     )
 
 
@@ -115,9 +118,22 @@ def _unit(scenario: Scenario, task: str, planar: bool) -> str:
     return _UNITS.get(spec.type, "")
 
 
-def _safety(scenario: Scenario) -> float | None:
+def safety_distance(scenario: Scenario) -> float | None:
+    """The largest of the collision costs, [m]; None where none watches anything."""
     distances = [c.safety_distance for c in scenario.costs.values() if isinstance(c, CollisionSpec)]
     return max(distances, default=None)
+
+
+def fault_lines(loaded: Loaded, faults: Iterable[Fault]) -> list[str]:
+    """What a rehearsal found, a line each, with the place in the file that is to be changed."""
+    places: dict[str, KeyPath] = {"start": ("robot", "start"), "object": ("object", "pose")}
+    lines = []
+    for fault in faults:
+        path = places.get(fault.about, ("phases", fault.phase or 0))
+        if fault.about == "contact" and fault.finger is not None:
+            path = ("contacts", fault.finger, "at")
+        lines.append(f"{loaded.locate(path)}: {fault.text}")
+    return lines
 
 
 def results_folder(asked: str | None, scenario: str) -> Path:

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import Array, BoolArray, IntArray
 from wbc.contact.extended_finger import ExtendedKinematics
-from wbc.contact.grasp import ContactMode, ContactState, equilibrium_residuals
+from wbc.contact.grasp import ContactMode, ContactState, Grasp, equilibrium_residuals
 from wbc.control.observe import Seen
 from wbc.control.references import Motion
 from wbc.control.state import PhaseState
@@ -82,6 +82,18 @@ class Phase:
     timeout: float = np.inf
     on_timeout: str = "stop"
 
+    def tip_goal(self, grasp: Grasp, i: int, point: Array, normal: Array) -> Array:
+        """Where tip i goes, (3,) [m], object frame; NaN where the phase does not lead it.
+
+        Args:
+            point, normal: (3,) its contact point and the outward normal there, object frame.
+        """
+        if self.mode[i] != ContactMode.FREE:
+            held: Array = point + self.pad[i] * normal
+            return held
+        goal: Array = point + (grasp.rest_length[i] + self.reach[i]) * normal + self.offset[i]
+        return goal
+
 
 class Transition(NamedTuple):
     """The state after a tick's look at the phase.
@@ -143,8 +155,7 @@ class PhaseSequence:
             if phase.mode[i] != ContactMode.FREE:
                 tips[1, i] = tips[0, i]  # where it touches it stays while its tip task fades
             elif np.isfinite(phase.reach[i]):
-                out = grasp.rest_length[i] + phase.reach[i]
-                tips[1, i] = point + out * normal + phase.offset[i]
+                tips[1, i] = phase.tip_goal(grasp, i, point, normal)
             else:
                 tips[1, i] = tips[0, i]
         return Motion(t, max(phase.over, 1e-9), position, rotation, turn, reach, tips)
