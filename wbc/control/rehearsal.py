@@ -16,7 +16,7 @@ import numpy as np
 
 from wbc.arrays import Array
 from wbc.contact.classify import classify
-from wbc.contact.grasp import GraspClass
+from wbc.contact.grasp import ContactMode, GraspClass
 from wbc.control.controller import Controller
 from wbc.control.phases import ExitCondition, Phase, PhaseSequence
 from wbc.control.plan import Fault, loose_fault, plan_faults, through, way_fault
@@ -145,7 +145,7 @@ def _through_phases(
                 found.append(_collision(state, stages[-1]))
                 break
             nearest = (math.inf, None)
-            found += _entered(coarse, after)
+            found += _from_afar(coarse, state, stages[-1], record) + _entered(coarse, after)
         nearest = min(nearest, _closest(coarse), key=lambda pair: pair[0])
         state = state._replace(phase=after.phase)  # as it was when that was decided
         blocked = any(fault.grave for fault in found)
@@ -244,6 +244,24 @@ def _entered(controller: Controller, state: ControllerState) -> list[Fault]:
         if inside is not None:
             faults.append(way_fault(phase, index, grasp.fingers[i], inside))
     return faults
+
+
+def _from_afar(
+    controller: Controller, state: ControllerState, stage: Stage, record: TickRecord
+) -> list[Fault]:
+    """Fingers that begin to touch though the phase before left them beside their points."""
+    fingers = controller.law.kin.grasp.fingers
+    touching = (record.mode != ContactMode.FREE) & (state.contact.mode == ContactMode.FREE)
+    return [
+        Fault(
+            "phase",
+            f"finger '{fingers[i]}' begins to touch {1e3 * stage.gap[i]:.1f} mm beside its contact "
+            "point (give the phase before it 'tip_error' in 'until', and time)",
+            record.phase,
+            fingers[i],
+        )
+        for i in np.flatnonzero(touching & (stage.gap > 2.0 * _POSITION))
+    ]
 
 
 def _gap(controller: Controller, state: ControllerState) -> Array:
