@@ -169,3 +169,15 @@ def test_real_robots_move_with_their_bodies_watched(urdf: str, tmp_path: Path) -
         record, state = assembly.controller.step(state)
         assert np.isfinite(record.v).all() and np.isfinite(state.q).all()
     assert np.all(state.q >= assembly.model.lower) and np.all(state.q <= assembly.model.upper)
+
+
+def test_a_copy_of_a_scenario_finds_its_robot_and_its_pairs_by_name(tmp_path: Path) -> None:
+    text = resources.find("tasks", "dual_arm_exchange").read_text(encoding="utf-8")
+    copy = tmp_path / "mine.yaml"
+    copy.write_text(text, encoding="utf-8")
+    pairs = build(load(copy)).pairs
+    assert pairs is not None and len(pairs.disabled) > 40
+    line = text[: text.index("  srdf: ")].count("\n") + 1
+    copy.write_text(text.replace("  srdf: dual_arm ", "  srdf: no_arm "), encoding="utf-8")
+    with pytest.raises(ScenarioError, match=rf"mine.yaml:{line}:\d+: no file .*no_arm"):
+        build(load(copy))

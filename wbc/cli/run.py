@@ -113,7 +113,7 @@ class _Viewer:
                 flush=True,
             )
         kin = controller.law.kin  # what is there before the first tick, which may have to compile
-        self._maker.text = "getting ready"
+        self._maker.text = "getting ready; the very first run compiles its kernels, about a minute"
         pose = kin.reference.position, kin.reference.rotation
         self._live.publish(self._maker.at_rest(assembly.start.q, *pose, kin.grasp.count))
         self._maker.text = ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from lxml import etree
 
@@ -48,6 +49,11 @@ def _turn_endless(robot: etree._Element) -> None:
         limit.set("upper", repr(TURNS))
 
 
+def _line(node: Any) -> int:
+    """Where an element is written; its stubs know no type for it."""
+    return int(node.sourceline or 1)
+
+
 def _find_meshes(robot: etree._Element, path: Path) -> None:
     missing: list[tuple[int, str, str]] = []
     for mesh in robot.iter("mesh"):
@@ -57,11 +63,11 @@ def _find_meshes(robot: etree._Element, path: Path) -> None:
             mesh.set("filename", str(file))
         except WbcError as error:
             if _collides(mesh):
-                missing.append((mesh.sourceline or 1, name, str(error)))
+                missing.append((_line(mesh), name, str(error)))
             continue
         if _collides(mesh) and file.stat().st_size > MAX_MESH_BYTES:
             what = f"collision mesh '{shown(name)}' is larger than {MAX_MESH_BYTES // 10**6} MB"
-            raise UrdfError(f"{path}:{mesh.sourceline or 1}: {what}; take a coarser one")
+            raise UrdfError(f"{path}:{_line(mesh)}: {what}; take a coarser one")
     if missing:
         line, name, reason = missing[0]
         more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""

@@ -110,7 +110,7 @@ def _assemble(loaded: Loaded, model: RobotModel) -> Assembly:
     tasks = build_tasks(scenario, secondary, kin, q_start)
     metric = np.array([scenario.robot.metric.get(j, 1.0) for j in model.joint_names])
     stack = TaskStack(tasks, grasp.count, metric)
-    scene, report = watched_pairs(scenario, loaded.path, model, grasp)
+    scene, report = watched_pairs(loaded, model, grasp)
     costs = build_costs(scenario, model, scene)
     near = nearness(scenario)
     distances = Distances(scene, near) if scene is not None else None

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from wbc.arrays import Array, read_only
 from wbc.contact.grasp import Grasp
 from wbc.costs import Collision, Cost, JointLimits
-from wbc.errors import ScenarioError
+from wbc.errors import ScenarioError, WbcError
 from wbc.robot.collision_scene import (
     OBJECT,
     CollisionScene,
@@ -18,10 +16,11 @@ from wbc.robot.collision_scene import (
     with_object,
 )
 from wbc.robot.model import RobotModel
-from wbc.robot.packages import locate
 from wbc.robot.pruning import PairReport, prune
 from wbc.robot.srdf import disabled_pairs
 from wbc.scenario.kinds import CollisionSpec, JointLimitsSpec, limit_of
+from wbc.scenario.load import Loaded
+from wbc.scenario.places import pairs_file
 from wbc.scenario.schema import Scenario
 
 # Pairs that keep this many safety distances apart wherever the joints go are not watched.
@@ -32,9 +31,10 @@ _FLOOR = 0.04  # of the safety distance: where the cost's slope stops growing
 
 
 def watched_pairs(
-    scenario: Scenario, path: Path, model: RobotModel, grasp: Grasp
+    loaded: Loaded, model: RobotModel, grasp: Grasp
 ) -> tuple[CollisionScene | None, PairReport | None]:
     """The collision scene of all collision costs together; None where there is no such cost."""
+    scenario = loaded.scenario
     specs = [c for c in scenario.costs.values() if isinstance(c, CollisionSpec)]
     if not specs:
         return None, None
@@ -43,7 +43,11 @@ def watched_pairs(
     off = set(scenario.robot.collisions.ignore)
     if scenario.robot.srdf is not None:
         links = {f.name for f in model.pin_model.frames}
-        off |= set(disabled_pairs(locate(scenario.robot.srdf, path.parent), links))
+        try:
+            file = pairs_file(scenario.robot.srdf, loaded.path.parent)
+        except WbcError as error:
+            raise ScenarioError(f"{loaded.locate(('robot', 'srdf'))}: {error}") from None
+        off |= set(disabled_pairs(file, links))
     names = [body_name(model, o) for o in geometry.geometryObjects]
     # a link that ends in a fingertip touches the object: that is what it is for
     tips = {

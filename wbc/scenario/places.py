@@ -32,3 +32,17 @@ def robot_file(name: str, folder: Path) -> Path:
             if is_file(candidate):
                 return candidate
     return resources.find("urdf", name) if bare else locate(name, folder)
+
+
+def pairs_file(name: str, folder: Path) -> Path:
+    """The SRDF `name`: a path from `folder` or a package, or one that travels with wbc.
+
+    Raises:
+        WbcError: there is none; one line.
+    """
+    bare = "://" not in name and at_home(name).name == name
+    for place in (folder, resources.folder("urdf")) if bare else ():
+        for ending in ("", ".srdf"):
+            if is_file(place / (name + ending)):
+                return place / (name + ending)
+    return locate(name, folder)
