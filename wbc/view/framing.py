@@ -18,7 +18,7 @@ Place = tuple[Array, Array]
 _WINDOW = 1.2  # width over height of a window's free part
 _LEAST = 1e-3  # [m]
 _ASIDE, _ABOVE = np.deg2rad(18.0), np.deg2rad(24.0)  # of the eye, seen from the object
-_ROOM = 1.4  # of the hands behind the fingertips
+_ROOM = 1.8  # of the hands behind the fingertips, and of where they go
 
 
 class Framing(NamedTuple):
