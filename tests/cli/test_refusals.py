@@ -70,7 +70,7 @@ def test_an_unknown_fingertip(capsys, tmp_path):
 
 def test_a_contact_on_the_wrong_side(capsys, tmp_path):
     file = edited(
-        tmp_path, (r"r_thumb: \{at: \[-34 deg, -128 mm\]", "r_thumb: {at: [70 deg, -10 cm]")
+        tmp_path, (r"r_thumb: \{at: \[-34 deg, -128 mm\]", "r_thumb: {at: [90 deg, -6 cm]")
     )
     out, (fault,) = refused(capsys, file)
     assert "r_thumb: {at:" in line_of(fault, "edited.yaml")
@@ -100,7 +100,10 @@ def test_hands_that_would_collide(capsys, tmp_path):
     """The left hand comes to where the right hand is."""
     file = edited(
         tmp_path,
-        (r"('l_\*': \{clearance: 8 mm, offset: \[1 cm, -10 cm, )6 cm", r"\1-6 cm"),
+        (
+            r"('l_\*': \{clearance: 8 mm, offset: )\[1 cm, -6 cm, 11 cm\]",
+            r"\1[1 cm, -10 cm, -6 cm]",
+        ),
         (r"(l_\w+: \{at: \[\S+ deg, )", r"\1-"),
     )
     out, (fault,) = refused(capsys, file)
