@@ -81,18 +81,21 @@ def parser() -> argparse.ArgumentParser:
     _add_plot(commands)
     _add_robot(commands)
     _add_assemble(commands)
-    for name, text in (
-        ("list", "list the scenarios and robots that travel with wbc"),
-        ("schema", "print the JSON Schema of scenario files, for editors"),
-    ):
-        added = commands.add_parser(name, help=text, description=text)
-        added.set_defaults(command=_later("wbc.cli.catalog", f"{name}_command"))
+    _add(commands, "list", "list the scenarios and robots that travel with wbc", "catalog")
+    _add(commands, "schema", "print the JSON Schema of scenario files, for editors", "catalog")
     return top
+
+
+def _add(commands: Any, name: str, text: str, module: str) -> argparse.ArgumentParser:
+    """A command that ``NAME_command`` of a module of this package carries out when it is called."""
+    command: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text)
+    command.set_defaults(command=_later(f"wbc.cli.{module}", f"{name}_command"))
+    return command
 
 
 def _add_run(commands: Any) -> None:
     text = "run a scenario, write DIR/log.npz and DIR/summary.json"
-    run = commands.add_parser("run", help=text, description=text)
+    run = _add(commands, "run", text, "run")
     run.add_argument("scenario", metavar="NAME_OR_FILE", help=_SCENARIO)
     run.add_argument(
         "--out", metavar="DIR", help="folder of the results (default: runs/NAME, after the file)"
@@ -105,50 +108,44 @@ def _add_run(commands: Any) -> None:
         "--realtime", action="store_true", help="at the pace of the clock (default with --view)"
     )
     pace.add_argument("--fast", action="store_true", help="as fast as it goes (default without)")
-    run.set_defaults(command=_later("wbc.cli.run", "run_command"))
 
 
 def _add_check(commands: Any) -> None:
     text = "check a scenario without running it: robot, collision pairs, grasps, start"
-    check = commands.add_parser("check", help=text, description=text)
+    check = _add(commands, "check", text, "check")
     check.add_argument("scenario", metavar="NAME_OR_FILE", help=_SCENARIO)
     _add_settings(check)
-    check.set_defaults(command=_later("wbc.cli.check", "check_command"))
 
 
 def _add_view(commands: Any) -> None:
     text = "show a finished run again, in a browser or as one self-contained HTML file"
-    view = commands.add_parser("view", help=text, description=text)
+    view = _add(commands, "view", text, "replay")
     view.add_argument("run", metavar="RUN", help="folder of a run, or its log.npz")
     view.add_argument("--html", metavar="FILE", help="write FILE instead of opening a browser")
     view.add_argument("--rate", type=_rate, default=1.0, metavar="X", help="times real time")
     _add_view_options(view)
-    view.set_defaults(command=_later("wbc.cli.replay", "view_command"))
 
 
 def _add_plot(commands: Any) -> None:
     text = "draw a run: object error, residuals, tasks, stack, motion, and a strip of pictures"
-    plot = commands.add_parser("plot", help=text, description=text)
+    plot = _add(commands, "plot", text, "replay")
     plot.add_argument("run", metavar="DIR", help="folder of a run, or its log.npz")
     plot.add_argument("--out", metavar="DIR2", help="folder of the pictures (default: DIR/plots)")
-    plot.set_defaults(command=_later("wbc.cli.replay", "plot_command"))
 
 
 def _add_robot(commands: Any) -> None:
     text = "show a robot's joints, the links at its ends, and its bodies"
-    robot = commands.add_parser("robot", help=text, description=text)
+    robot = _add(commands, "robot", text, "robot")
     robot.add_argument(
         "robot", metavar="ROBOT", help="a URDF, a file of parts, package://NAME/..., or a name"
     )
-    robot.set_defaults(command=_later("wbc.cli.robot", "robot_command"))
 
 
 def _add_assemble(commands: Any) -> None:
     text = "make one URDF of several, e.g. a hand on an arm"
-    assemble = commands.add_parser("assemble", help=text, description=text)
+    assemble = _add(commands, "assemble", text, "assemble")
     assemble.add_argument("parts", metavar="PARTS.yaml", help="the parts and where each goes")
     assemble.add_argument("out", metavar="OUT.urdf", help="the file to write")
-    assemble.set_defaults(command=_later("wbc.cli.assemble", "assemble_command"))
 
 
 def _add_settings(command: argparse.ArgumentParser) -> None:

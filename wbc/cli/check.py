@@ -11,13 +11,14 @@ from textwrap import wrap
 import numpy as np
 
 from wbc.cli.progress import SlowNotice
-from wbc.cli.session import fault_lines, load_with_settings, safety_distance
+from wbc.cli.session import fault_lines, load_with_settings
 from wbc.contact.grasp import ContactMode, GraspClass
 from wbc.control.phases import Phase
 from wbc.control.rehearsal import LONGEST, Rehearsal, Stage, rehearse
 from wbc.robot.model import RobotModel
 from wbc.robot.pruning import PairReport
 from wbc.scenario.build import Assembly, build
+from wbc.scenario.build_costs import safety_distance
 
 _NEAREST = 5  # pairs listed with their distance
 _WIDTH = 96

@@ -32,9 +32,8 @@ def robot_command(arguments: argparse.Namespace) -> int:
 
 def _ends(model: RobotModel) -> Iterable[str]:
     """The leaves of the tree and where they are, in the frame of the root link."""
-    frames = [f for f in model.pin_model.frames if "BODY" in str(f.type)]
-    inner = {_carrier(model, f) for f in frames}
-    ends = [f.name for f in frames if f.name not in inner]
+    inner = {_carrier(model, f) for f in model.bodies}
+    ends = [f.name for f in model.bodies if f.name not in inner]
     data = model.pin_model.createData()
     middle = model.full(0.5 * (model.lower + model.upper))
     pin.framesForwardKinematics(model.pin_model, data, middle)

@@ -15,7 +15,7 @@ from wbc.errors import WbcError
 from wbc.recording import RunMeta
 from wbc.scenario import Loaded, load
 from wbc.scenario.build import Assembly
-from wbc.scenario.kinds import CollisionSpec
+from wbc.scenario.build_costs import safety_distance
 from wbc.scenario.schema import Scenario
 from wbc.scenario.wording import KeyPath
 
@@ -116,12 +116,6 @@ def _unit(scenario: Scenario, task: str, planar: bool) -> str:
     if spec.type == "manipulability":
         return "m²" if planar else "m³"
     return _UNITS.get(spec.type, "")
-
-
-def safety_distance(scenario: Scenario) -> float | None:
-    """The largest of the collision costs, [m]; None where none watches anything."""
-    distances = [c.safety_distance for c in scenario.costs.values() if isinstance(c, CollisionSpec)]
-    return max(distances, default=None)
 
 
 def fault_lines(loaded: Loaded, faults: Iterable[Fault]) -> list[str]:

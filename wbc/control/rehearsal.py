@@ -16,6 +16,7 @@ import numpy as np
 
 from wbc.arrays import Array
 from wbc.contact.classify import classify
+from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.contact.grasp import ContactMode, GraspClass
 from wbc.control.controller import Controller
 from wbc.control.phases import ExitCondition, Phase, PhaseSequence
@@ -229,9 +230,8 @@ def _start_faults(controller: Controller, start: ControllerState) -> list[Fault]
             break
         a, b = distances.scene.pair_names[k]
         about: Literal["object", "start"] = "object" if OBJECT in (a, b) else "start"
-        depth = -1e3 * float(distances.value[k])
-        text = f"start: '{a}' and '{b}' collide, {depth:.1f} mm deep ({_REMEDY[about]})"
-        faults.append(Fault(about, text))
+        met = _met((a, b), float(distances.value[k]))
+        faults.append(Fault(about, f"start: {met} ({_REMEDY[about]})"))
     return faults
 
 
@@ -264,11 +264,17 @@ def _from_afar(
     ]
 
 
+def _tips(kin: ExtendedKinematics) -> Array:
+    """(N, 3) where the tips are, object frame, [m]."""
+    away = kin.robot.position[: kin.grasp.count] - kin.object_position
+    tips: Array = away @ kin.object_rotation
+    return tips
+
+
 def _gap(controller: Controller, state: ControllerState) -> Array:
     """(N,) distance of each reaching tip from its target, [m]; `kin` is at the state."""
     kin, phase = controller.law.kin, controller.phases.phases[state.phase.current]
-    tips = (kin.robot.position[: kin.grasp.count] - kin.object_position) @ kin.object_rotation
-    gap = np.linalg.norm(state.phase.motion.tips[1] - tips, axis=1)
+    gap = np.linalg.norm(state.phase.motion.tips[1] - _tips(kin), axis=1)
     return np.where(np.isfinite(phase.reach), gap, np.nan)
 
 
@@ -317,15 +323,17 @@ def _collision(state: ControllerState, stage: Stage) -> Fault:
     pair = stage.nearest or ("?", "?")
     remedy = _REMEDY["approach" if OBJECT in pair else "bodies"]
     near = ", below half the safety distance" if stage.distance > 0.0 else ""
-    text = f"phase '{stage.name}': {_met(stage)} at {stage.time:.2f} s{near} ({remedy})"
+    text = (
+        f"phase '{stage.name}': {_met(pair, stage.distance)} at {stage.time:.2f} s{near} ({remedy})"
+    )
     return Fault("phase", text, state.phase.current)
 
 
-def _met(stage: Stage) -> str:
-    a, b = stage.nearest or ("?", "?")
-    if stage.distance <= 0.0:
-        return f"'{a}' and '{b}' collide, {-1e3 * stage.distance:.1f} mm deep"
-    return f"'{a}' and '{b}' come as near as {1e3 * stage.distance:.1f} mm"
+def _met(pair: tuple[str, str], distance: float) -> str:
+    a, b = pair
+    if distance <= 0.0:
+        return f"'{a}' and '{b}' collide, {-1e3 * distance:.1f} mm deep"
+    return f"'{a}' and '{b}' come as near as {1e3 * distance:.1f} mm"
 
 
 def _lag(controller: Controller, state: ControllerState) -> float:
@@ -333,8 +341,7 @@ def _lag(controller: Controller, state: ControllerState) -> float:
     kin, phase = controller.law.kin, controller.phases.phases[state.phase.current]
     references = References(kin.grasp.count)
     references.at(state.tick * controller.settings.dt, state.phase.motion)
-    tips = (kin.robot.position[: kin.grasp.count] - kin.object_position) @ kin.object_rotation
-    behind = np.linalg.norm(references.tips[:, :3] - tips, axis=1)
+    behind = np.linalg.norm(references.tips[:, :3] - _tips(kin), axis=1)
     return float(np.max(behind[np.isfinite(phase.reach)], initial=0.0))
 
 
@@ -365,7 +372,7 @@ def _unfinished(
         remedy = "choose other contact points, or give it more time"
     said = said or ["its exit condition is not met"]
     if stage.nearest is not None and stage.distance < _TOUCHING:
-        said.append(_met(stage))
+        said.append(_met(stage.nearest, stage.distance))
     text = f"phase '{phase.name}': {'; '.join(said)} ({remedy})"
     return Fault("phase", text, index)
 

@@ -16,7 +16,7 @@ from lxml import etree
 
 from wbc.errors import UrdfError, WbcError, did_you_mean
 from wbc.robot.packages import locate
-from wbc.robot.strict_xml import shown
+from wbc.robot.strict_xml import safe_parser, shown
 from wbc.robot.urdf import load_urdf_text
 
 Vector = tuple[float, float, float]
@@ -81,7 +81,8 @@ def assemble(name: str, parts: Sequence[Part]) -> str:
     taken: dict[tuple[str, str], str] = {}
     faults: list[str] = [] if parts else ["no parts: a robot has at least one"]
     for number, part in enumerate(parts):
-        element = etree.fromstring(load_urdf_text(part.urdf).encode("utf-8"), _parser())
+        parser = safe_parser(elements_only=True, indented=False)
+        element = etree.fromstring(load_urdf_text(part.urdf).encode("utf-8"), parser)
         root = _root(element)
         links = [key for kind, key in taken if kind == "link"]
         faults += _misplaced(part, number, links)
@@ -96,13 +97,6 @@ def assemble(name: str, parts: Sequence[Part]) -> str:
         raise UrdfError("\n".join(dict.fromkeys(faults)))
     etree.indent(robot, space="  ")
     return etree.tostring(robot, encoding="unicode") + "\n"
-
-
-def _parser() -> etree.XMLParser:
-    return etree.XMLParser(
-        resolve_entities=False, no_network=True, load_dtd=False,
-        remove_comments=True, remove_pis=True, remove_blank_text=True, encoding="utf-8",
-    )  # fmt: skip
 
 
 def _root(robot: etree._Element) -> str:

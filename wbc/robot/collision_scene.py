@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from wbc.arrays import Array, BoolArray, IntArray, read_only
 from wbc.robot.model import RobotModel
+from wbc.robot.rounding import corners
 
 OBJECT = "object"
 """Body name of the grasped object's shapes."""
@@ -179,15 +180,7 @@ def round_about(geometry_object: Any) -> tuple[Array, float, bool]:
 
 def _support(geometry_object: Any) -> Array:
     """(K,) how far a shape goes along each of the planes' normals, in its joint's frame."""
-    shape, placement = geometry_object.geometry, geometry_object.placement
-    if isinstance(shape, coal.ConvexBase):
-        corners = np.array(shape.points())
-    elif isinstance(shape, coal.BVHModelBase):
-        corners = np.array(shape.vertices())
-    else:
-        shape.computeLocalAABB()
-        low, high = np.array(shape.aabb_local.min_), np.array(shape.aabb_local.max_)
-        corners = np.array(np.meshgrid(*np.stack([low, high], axis=1))).reshape(3, -1).T
-    corners = corners.reshape(-1, 3) @ placement.rotation.T + placement.translation
-    farthest: Array = (corners @ PLANES.T).max(axis=0)
+    placement = geometry_object.placement
+    points = corners(geometry_object.geometry) @ placement.rotation.T + placement.translation
+    farthest: Array = (points @ PLANES.T).max(axis=0)
     return farthest

@@ -103,6 +103,11 @@ class RobotModel:
         everything: Array = self.ratio * np.asarray(q, dtype=np.float64)[self.master] + self.offset
         return everything
 
+    @property
+    def bodies(self) -> tuple[Any, ...]:
+        """Pinocchio's frames of the links."""
+        return tuple(f for f in self.pin_model.frames if "BODY" in str(f.type))
+
     def frame(self, name: str) -> int:
         """Index of a frame. Raises UnknownNameError."""
         return frame_id(self.pin_model, name)

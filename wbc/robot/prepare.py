@@ -9,7 +9,7 @@ from lxml import etree
 
 from wbc.errors import UrdfError, WbcError
 from wbc.robot.packages import locate
-from wbc.robot.strict_xml import shown
+from wbc.robot.strict_xml import safe_parser, shown
 from wbc.robot.urdf_joint import TURNS, UNLIMITED
 
 MAX_MESH_BYTES = 200_000_000
@@ -28,8 +28,7 @@ def prepared(text: str, path: Path) -> str:
     Raises:
         UrdfError: a collision mesh that is not found, or larger than any that is of use.
     """
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
-    robot = etree.fromstring(text.encode("utf-8"), parser)
+    robot = etree.fromstring(text.encode("utf-8"), safe_parser())
     _turn_endless(robot)
     _find_meshes(robot, path)
     return etree.tostring(robot, encoding="unicode")

@@ -187,15 +187,7 @@ def read(path: Path, root: str, text: str | None = None) -> tuple[str, Node]:
     text = _text(path) if text is None else text
     blanked = _blanked(text)
     _refuse_unsafe(path, blanked)
-    parser = etree.XMLParser(
-        resolve_entities=False,
-        no_network=True,
-        load_dtd=False,
-        huge_tree=False,
-        encoding="utf-8",
-        remove_comments=True,
-        remove_pis=True,
-    )
+    parser = safe_parser(elements_only=True)
     try:
         element = etree.fromstring(text.encode("utf-8"), parser)
     except etree.LxmlError as error:
@@ -212,6 +204,19 @@ def read(path: Path, root: str, text: str | None = None) -> tuple[str, Node]:
         what = f"the root element is <{shown(tree.tag)}>, not <{root}>"
         raise _refusal(path, tree.line, f"{what}; is this the right file?")
     return text, tree
+
+
+def safe_parser(*, elements_only: bool = False, indented: bool = True) -> etree.XMLParser:
+    """A parser for files of strangers: no entities, no network, no DTD, no huge trees.
+
+    Args:
+        elements_only: leave out comments and processing instructions.
+        indented: keep the white space between elements.
+    """
+    return etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False, encoding="utf-8",
+        remove_comments=elements_only, remove_pis=elements_only, remove_blank_text=not indented,
+    )  # fmt: skip
 
 
 def _refusal(path: Path, line: int, text: str) -> UrdfError:

@@ -22,7 +22,7 @@ from wbc.robot.kinematics import Kinematics
 from wbc.robot.model import RobotModel
 from wbc.robot.pruning import PairReport
 from wbc.rotations import rotation_from_quaternion
-from wbc.scenario.build_costs import build_costs, nearness, watched_pairs
+from wbc.scenario.build_costs import build_costs, safety_distance, watched_pairs
 from wbc.scenario.build_phases import build_phases
 from wbc.scenario.build_tasks import build_tasks, tracked_frames
 from wbc.scenario.kinds import BoxSpec, ObjectPoseSpec, SuperellipsoidSpec, SurfaceSpec
@@ -74,7 +74,7 @@ def build(loaded: Loaded) -> Assembly:
     """
     scenario = loaded.scenario
     model = _robot(loaded)
-    links = {f.name for f in model.pin_model.frames if "BODY" in str(f.type)}
+    links = {frame.name for frame in model.bodies}
     joints = model.joint_names
     prismatic = [
         name for name, k in zip(joints, model.own, strict=True) if model.is_prismatic(int(k))
@@ -112,7 +112,7 @@ def _assemble(loaded: Loaded, model: RobotModel) -> Assembly:
     stack = TaskStack(tasks, grasp.count, metric)
     scene, report = watched_pairs(loaded, model, grasp)
     costs = build_costs(scenario, model, scene)
-    near = nearness(scenario)
+    near = safety_distance(scenario) or 0.0  # what is further apart costs nothing
     distances = Distances(scene, near) if scene is not None else None
     law = Law(
         kin, stack, costs, distances, scenario.stack.gradient_gain,

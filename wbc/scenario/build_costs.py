@@ -76,10 +76,10 @@ def watched_pairs(
     return collision_scene(model, geometry, added, report.kept), report
 
 
-def nearness(scenario: Scenario) -> float:
-    """The largest safety distance: what is further apart costs nothing, [m]."""
+def safety_distance(scenario: Scenario) -> float | None:
+    """The largest of the collision costs, [m]; None where none watches anything."""
     specs = scenario.costs.values()
-    return max((c.safety_distance for c in specs if isinstance(c, CollisionSpec)), default=0.0)
+    return max((c.safety_distance for c in specs if isinstance(c, CollisionSpec)), default=None)
 
 
 def build_costs(scenario: Scenario, model: RobotModel, scene: CollisionScene | None) -> list[Cost]:

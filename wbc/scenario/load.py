@@ -114,11 +114,7 @@ def load(path_or_name: str | Path, overrides: Mapping[str, Any] | None = None) -
     """
     path = _find(path_or_name)
     shown = _shown(path)
-    try:
-        raw = path.read_bytes()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "not a file name"
-        raise ScenarioError(f"{shown}: cannot be read: {reason}") from None
+    raw = read_file(path, shown)
     located = read_text(raw)
     if located.faults and located.data is None:
         raise Source(shown, located).error(located.faults)
@@ -131,6 +127,15 @@ def load(path_or_name: str | Path, overrides: Mapping[str, Any] | None = None) -
     digest = hashlib.sha256(raw).hexdigest()
     text = raw.decode("utf-8-sig")
     return Loaded(scenario, path, text, digest, dict(overrides or {}), source)
+
+
+def read_file(path: Path, shown: str) -> bytes:
+    """What is in a file that faults call `shown`. Raises ScenarioError where it cannot be read."""
+    try:
+        return path.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "not a file name"
+        raise ScenarioError(f"{shown}: cannot be read: {reason}") from None
 
 
 def _find(path_or_name: str | Path) -> Path:

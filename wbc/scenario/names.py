@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from fnmatch import fnmatchcase
 from typing import Literal
 
 from wbc.errors import follower_refusal
@@ -18,6 +17,7 @@ from wbc.scenario.kinds import (
     PostureSpec,
     RelativePoseSpec,
 )
+from wbc.scenario.patterns import matching
 from wbc.scenario.schema import Scenario
 from wbc.scenario.units import Coordinate
 from wbc.scenario.wording import Fault, Faults, KeyPath
@@ -55,7 +55,7 @@ def check_names(
         *((path, joint, "value") for path, joint in _listed_joints(scenario)),
     ]
     for path, joint, on in named:
-        if on == "value" and "*" in joint and any(fnmatchcase(name, joint) for name in joints):
+        if on == "value" and "*" in joint and matching([joint], joints):
             continue
         if joint in driven:
             faults.add(path, follower_refusal(joint, driven[joint]), on=on)

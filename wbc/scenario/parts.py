@@ -15,9 +15,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Final
 
-from wbc.errors import ScenarioError, UnknownNameError, WbcError
+from wbc.errors import UnknownNameError, WbcError
 from wbc.robot.assembly import Part, Vector
-from wbc.scenario.load import Source
+from wbc.scenario.load import Source, read_file
 from wbc.scenario.located import read_text
 from wbc.scenario.places import robot_file
 from wbc.scenario.units import QuantityError, read
@@ -33,12 +33,7 @@ def load_parts(path: Path) -> tuple[str, tuple[Part, ...]]:
     Raises:
         ScenarioError: with every fault of the file, one line each.
     """
-    try:
-        raw = path.read_bytes()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "not a file name"
-        raise ScenarioError(f"{path}: cannot be read: {reason}") from None
-    located = read_text(raw)
+    located = read_text(read_file(path, str(path)))
     source = Source(str(path), located)
     faults = Faults(list(located.faults))
     if located.data is None:

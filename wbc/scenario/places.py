@@ -1,14 +1,16 @@
-"""Where the robot is that a file names: beside it, with wbc, or in a package."""
+"""Where the robot and its SRDF are that a file names: beside it, with wbc, or in a package."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
 from wbc import resources
 from wbc.robot.packages import at_home, is_file, locate
 
-_ENDINGS: Final = ("", ".urdf", ".parts.yaml")
+_ROBOTS: Final = ("", ".urdf", ".parts.yaml")
+_PAIRS: Final = ("", ".srdf")
 
 
 def robot_file(name: str, folder: Path) -> Path:
@@ -26,11 +28,10 @@ def robot_file(name: str, folder: Path) -> Path:
         return locate(name, folder)
     path = at_home(name)
     bare = path.name == name
-    for place in (folder, resources.folder("urdf")) if bare else (folder,):
-        for ending in _ENDINGS:
-            candidate = place / path.with_name(path.name + ending) if path.name else place / path
-            if is_file(candidate):
-                return candidate
+    places = (folder, resources.folder("urdf")) if bare else (folder,)
+    found = _first(places, path, _ROBOTS)
+    if found is not None:
+        return found
     return resources.find("urdf", name) if bare else locate(name, folder)
 
 
@@ -40,9 +41,17 @@ def pairs_file(name: str, folder: Path) -> Path:
     Raises:
         WbcError: there is none; one line.
     """
-    bare = "://" not in name and at_home(name).name == name
-    for place in (folder, resources.folder("urdf")) if bare else ():
-        for ending in ("", ".srdf"):
-            if is_file(place / (name + ending)):
-                return place / (name + ending)
-    return locate(name, folder)
+    path = at_home(name)
+    bare = "://" not in name and path.name == name
+    places = (folder, resources.folder("urdf")) if bare else ()
+    return _first(places, path, _PAIRS) or locate(name, folder)
+
+
+def _first(places: Iterable[Path], path: Path, endings: Iterable[str]) -> Path | None:
+    """The first file of that path, or with one of the endings behind it, in one of the places."""
+    for place in places:
+        for ending in endings:
+            candidate = place / path.with_name(path.name + ending) if path.name else place / path
+            if is_file(candidate):
+                return candidate
+    return None

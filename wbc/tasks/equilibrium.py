@@ -10,6 +10,7 @@ import numpy as np
 from wbc.arrays import Array, IntArray
 from wbc.compiled import kernel
 from wbc.contact.extended_finger import ExtendedKinematics
+from wbc.contact.grasp import ContactMode
 from wbc.rotations import cross
 from wbc.tasks.base import Task, TaskRows
 
@@ -23,7 +24,7 @@ _DIRECTION_FLOOR = 1e-9
 # short is what the object and the other contacts leave of that, the motion of the fingers.
 _EXACT_PLANE = 0.3
 _EXACT_SPACE = 1e-3
-_SLIDING = 2
+_SLIDING = int(ContactMode.SLIDING)
 
 
 @kernel
@@ -47,6 +48,22 @@ def _direction(f: Array, jacobian: Array) -> Array:
 
 
 @kernel
+def _residual_rows(
+    residual: Array, derivative: Array, squared: bool, nv: int, error: Array, jacobian: Array
+) -> None:
+    """Three rows of a residual (3,), or one: half its square or its length."""
+    if error.shape[0] == 3:
+        error[:] = -residual
+        jacobian[:, nv:] = derivative
+    elif squared:
+        error[0] = -0.5 * np.sum(residual * residual)
+        jacobian[0, nv:] = residual @ derivative
+    else:
+        error[0] = -np.sqrt(np.sum(residual * residual))
+        jacobian[0, nv:] = _direction(residual, derivative) @ derivative
+
+
+@kernel
 def _force_row(
     charts: Array,
     frame: Array,
@@ -63,24 +80,30 @@ def _force_row(
     for i in range(n):
         f += share[i] * frame[i, :, 2]
         df[:, 2 * i : 2 * i + 2] = share[i] * normal_xi[i]
-    if error.shape[0] == 3:
-        error[:] = -f
-        jacobian[:, nv:] = df
-    elif squared:
-        error[0] = -0.5 * np.sum(f * f)
-        jacobian[0, nv:] = f @ df
-    else:
-        error[0] = -np.sqrt(np.sum(f * f))
-        jacobian[0, nv:] = _direction(f, df) @ df
+    _residual_rows(f, df, squared, nv, error, jacobian)
+
+
+@kernel
+def _center_weights(mode: IntArray, share: Array, weight: Array) -> None:
+    """Weights of the contact points in the centre of those that slide, by their shares."""
+    total = 0.0
+    for i in range(mode.shape[0]):
+        weight[i] = share[i] if mode[i] == _SLIDING else 0.0
+        total += weight[i]
+    if total > 0.0:
+        weight /= total
 
 
 @kernel
 def _moment_row(
-    charts: Array, frame: Array, normal_xi: Array, share: Array, weight: Array, squared: bool,
-    planar: bool, nv: int, error: Array, jacobian: Array,
+    charts: Array, frame: Array, normal_xi: Array, share: Array, mode: IntArray,
+    about_contacts: bool, squared: bool, planar: bool, nv: int, error: Array, jacobian: Array,
 ) -> None:  # fmt: skip
     m, f, center = np.zeros(3), np.zeros(3), np.zeros(3)
     n = charts.shape[0]
+    weight = np.zeros(n)
+    if about_contacts:
+        _center_weights(mode, share, weight)
     dm = np.zeros((3, 2 * n))
     for i in range(n):
         f += share[i] * frame[i, :, 2]
@@ -93,29 +116,11 @@ def _moment_row(
             turning = cross(arm, normal_xi[i, :, k])
             dm[:, 2 * i + k] = share[i] * (cross(along, frame[i, :, 2]) + turning)
             dm[:, 2 * i + k] -= weight[i] * cross(along, f)
-    if error.shape[0] == 3:
-        error[:] = -m
-        jacobian[:, nv:] = dm
-    elif squared:
-        error[0] = -0.5 * np.sum(m * m)
-        jacobian[0, nv:] = m @ dm
-    elif planar:
+    if planar and not squared and error.shape[0] == 1:
         error[0] = -m[2]
         jacobian[0, nv:] = dm[2]
     else:
-        error[0] = -np.sqrt(np.sum(m * m))
-        jacobian[0, nv:] = _direction(m, dm) @ dm
-
-
-@kernel
-def _center_weights(mode: IntArray, share: Array, weight: Array) -> None:
-    """Weights of the contact points in the centre of those that slide, by their shares."""
-    total = 0.0
-    for i in range(mode.shape[0]):
-        weight[i] = share[i] if mode[i] == _SLIDING else 0.0
-        total += weight[i]
-    if total > 0.0:
-        weight /= total
+        _residual_rows(m, dm, squared, nv, error, jacobian)
 
 
 @final
@@ -182,10 +187,8 @@ class EquilibriumMoment(Task):
         return _EXACT_PLANE if self.planar else _EXACT_SPACE
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
-        weight = np.zeros(kin.grasp.count)
-        if self.about_contacts:
-            _center_weights(kin.state.mode, kin.grasp.share, weight)
         _moment_row(
-            kin.charts, kin.frame, kin.normal_xi, kin.grasp.share, weight, self.squared,
-            kin.grasp.planar, kin.robot.model.nv, out.error, out.jacobian,
+            kin.charts, kin.frame, kin.normal_xi, kin.grasp.share, kin.state.mode,
+            self.about_contacts, self.squared, kin.grasp.planar, kin.robot.model.nv,
+            out.error, out.jacobian,
         )  # fmt: skip
