@@ -127,7 +127,7 @@ def test_a_disk_full_after_the_run(capsys, elsewhere, monkeypatch):
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("wbc.recording.files.os.fsync", full)
+    monkeypatch.setattr("wbc.files.os.fsync", full)
     assert main(("run", "planar_exchange", *SHORT, "--out", "out")) == 1
     told = capsys.readouterr()
     assert "planar_exchange: no success" in told.out

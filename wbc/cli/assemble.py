@@ -8,7 +8,7 @@ from pathlib import Path
 from lxml import etree
 
 from wbc.errors import WbcError
-from wbc.recording.files import write_whole
+from wbc.files import write_whole
 from wbc.robot.assembly import assemble
 from wbc.scenario.parts import load_parts
 

@@ -27,8 +27,8 @@ from wbc.cli.session import (
 from wbc.control.rehearsal import rehearse
 from wbc.control.state import ControllerState, TickRecord
 from wbc.errors import SetupError, WbcError
+from wbc.files import write_whole
 from wbc.recording import Log, Outcome, Recorder, summarize, write
-from wbc.recording.files import write_whole
 from wbc.scenario.build import Assembly, build
 from wbc.sim.kinematic import run
 from wbc.view import LiveView

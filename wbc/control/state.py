@@ -97,6 +97,38 @@ class ControllerState(NamedTuple):
     targets: tuple[Array | None, ...]
 
 
+class ForceRecord(NamedTuple):
+    """The contact forces planned for a tick; world axes.
+
+    Attributes:
+        force: (N, 3) force of each contact on the object, [N]; 0 where free.
+        spin: (N,) moment about the inward normal that a soft finger exerts, [Nm].
+        torque: (nv,) joint torques τ = J_hᵀ c + τ_e (4), [Nm].
+        cone_margin: (N,) c_z − |s|, [N]; NaN where free.
+        torque_margin: (nv,) distance of each torque to its nearer limit, [Nm]; inf without one.
+        wrench: (6,) h_e that the contacts supply, about the object's origin, [N], [Nm].
+        mass: of the object with its contents, [kg].
+        com: (3,) their centre of mass, [m].
+        status: the verdict, index into the members of `wbc.forces.ForceStatus`.
+        iterations: Newton steps of this tick.
+        phi: the cost (15), [N].
+        sum_normal: Σ c_z, [N].
+    """
+
+    force: Array
+    spin: Array
+    torque: Array
+    cone_margin: Array
+    torque_margin: Array
+    wrench: Array
+    mass: float
+    com: Array
+    status: int
+    iterations: int
+    phi: float
+    sum_normal: float
+
+
 class TickRecord(NamedTuple):
     """One tick as it is logged: the situation at t and the command for the tick that begins there.
 
@@ -121,6 +153,7 @@ class TickRecord(NamedTuple):
         independence: smallest independent share of the main task's rows, 1 = orthogonal.
         freedom: (L,) share of freedom each level found, 1 = all.
         event: the supervisor's decision, if any.
+        forces: the planned contact forces; None where the scenario plans none.
     """
 
     t: float
@@ -146,3 +179,4 @@ class TickRecord(NamedTuple):
     independence: float
     freedom: Array
     event: StackEvent | None
+    forces: ForceRecord | None = None

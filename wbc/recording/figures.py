@@ -15,7 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from wbc.arrays import Array
-from wbc.recording.files import write_whole
+from wbc.files import write_whole
 from wbc.recording.log import Log
 from wbc.recording.summary import phase_starts
 

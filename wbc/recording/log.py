@@ -10,9 +10,9 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.archive import read_arrays, write_arrays
 from wbc.arrays import Array, BoolArray, IntArray
 from wbc.errors import WbcError
-from wbc.recording.archive import read_arrays, write_arrays
 from wbc.recording.meta import RunMeta
 
 FORMAT = 1

@@ -12,7 +12,7 @@ import numpy as np
 
 from wbc.arrays import Array, IntArray
 from wbc.control.state import Status
-from wbc.recording.files import write_whole
+from wbc.files import write_whole
 from wbc.recording.log import Log
 from wbc.recording.outcome import Outcome, reason, violations
 

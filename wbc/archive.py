@@ -15,13 +15,13 @@ import zipfile
 import zlib
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import WbcError
-from wbc.recording.files import write_whole
+from wbc.files import write_whole
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 _MOST_MEMBERS = 256
@@ -50,12 +50,17 @@ def _fill(file: BinaryIO, arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def read_arrays(
-    path: str | os.PathLike[str], names: Collection[str], *, what: str
+    path: str | os.PathLike[str],
+    names: Collection[str],
+    *,
+    what: str,
+    optional: Collection[str] = (),
 ) -> dict[str, NDArray[Any]]:
     """The arrays called `names`, read-only; others in the file are not looked at.
 
     Args:
         what: what the file should be, for the messages, e.g. ``"a log of wbc"``.
+        optional: names that are read where the file has them.
 
     Raises:
         WbcError: one line: no such file, not a zip, too large unpacked, an array missing or broken.
@@ -70,7 +75,8 @@ def read_arrays(
             missing = sorted(set(names) - set(members))
             if missing:
                 raise WbcError(f"'{shown}' is not {what}: it has no array '{missing[0]}'")
-            return {name: _array(name, archive.read(members[name])) for name in names}
+            wanted = [*names, *(name for name in optional if name in members)]
+            return {name: _array(name, archive.read(members[name])) for name in wanted}
     except WbcError as error:
         raise error if shown in str(error) else WbcError(f"'{shown}': {error}") from None
     except OSError as error:
@@ -83,7 +89,7 @@ def _members(archive: zipfile.ZipFile, file_size: int) -> dict[str, zipfile.ZipI
     """Entries by array name, after a look at what they would unpack to."""
     entries = archive.infolist()
     if len(entries) > _MOST_MEMBERS:
-        raise WbcError(f"{len(entries)} arrays, more than any log has")
+        raise WbcError(f"{len(entries)} arrays, more than any such file has")
     if sum(e.file_size for e in entries) > max(_FREE_SIZE, _MOST_RATIO * file_size):
         raise WbcError("it would unpack to far more than its size; not read")
     found: dict[str, zipfile.ZipInfo] = {}
@@ -114,18 +120,19 @@ def _array(name: str, data: bytes) -> NDArray[Any]:
         raise WbcError(f"array '{name}' has a damaged header") from error
     if dtype.hasobject:
         raise WbcError(f"array '{name}' holds Python objects; not read")
-    if dtype.kind not in "fibU" or by_column:
-        raise WbcError(f"array '{name}' is of type {dtype}, not used in a log")
+    if dtype.kind not in "fiubU":
+        raise WbcError(f"array '{name}' is of type {dtype}; numbers, booleans and text are read")
     rest = len(data) - stream.tell()
     if min(shape, default=0) < 0 or math.prod(shape) * dtype.itemsize != rest:
         raise WbcError(f"array '{name}' of shape {shape} does not fit its {rest} bytes")
     if rest == 0:
         return np.empty(shape, dtype)
     kind, start = dtype.kind, stream.tell()
+    order: Literal["C", "F"] = "F" if by_column else "C"
     if kind == "U" and np.frombuffer(data, dtype.byteorder + "u4", offset=start).max() > _LAST:
         raise WbcError(f"array '{name}' holds what is no text")
     if kind == "b":  # a byte other than 0 and 1 is no bool; make it one
-        truth: NDArray[Any] = np.frombuffer(data, np.uint8, offset=start).reshape(shape) != 0
-        return truth
-    array: NDArray[Any] = np.frombuffer(data, dtype, offset=start).reshape(shape)
-    return array
+        truth: NDArray[Any] = np.frombuffer(data, np.uint8, offset=start) != 0
+        return truth.reshape(shape, order=order)
+    array: NDArray[Any] = np.frombuffer(data, dtype, offset=start)
+    return array.reshape(shape, order=order)
