@@ -127,9 +127,10 @@ def random_grasp(rng: np.random.Generator, *, model: str | None = None) -> Grasp
     force = rng.standard_normal(3) * 10.0 ** rng.uniform(-0.7, 0.7)
     moment = 0.02 * rng.standard_normal(3)
     return GraspForceProblem(
-        G=grasp_matrix(points, frames, model), J=jacobian, tau_e=0.1 * limit * rng.uniform(-1, 1, 3 * n),
-        tau_min=-limit, tau_max=limit, mu=rng.uniform(0.2, 1.0, n), mu_t=rng.uniform(0.002, 0.01, n),
-        model=model, h_e=np.concatenate([force, moment]),
+        G=grasp_matrix(points, frames, model), J=jacobian,
+        tau_e=0.1 * limit * rng.uniform(-1, 1, 3 * n), tau_min=-limit, tau_max=limit,
+        mu=rng.uniform(0.2, 1.0, n), mu_t=rng.uniform(0.002, 0.01, n), model=model,
+        h_e=np.concatenate([force, moment]),
     )  # fmt: skip
 
 
