@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from wbc.control.phases import ExitCondition, Phase
-from wbc.control.state import Status, TickRecord
+from wbc.control.state import ForceRecord, Status, TickRecord
 from wbc.recording import Log, Recorder, RunMeta
 from wbc.rotations import exp_so3
 from wbc.stack.limits import NOT_LIMITED
@@ -83,6 +83,43 @@ def recorded(
     for k in range(ticks):
         recorder.append(record(k, **(changes or {}).get(k, {})))
     return recorder.finish(complete=complete)
+
+
+FORCE_META = replace(
+    META,
+    tau_min=(-0.5, -0.5, -np.inf),
+    tau_max=(0.5, 0.5, np.inf),
+    mu=(0.6, 0.5),
+    mu_t=(0.004, 0.004),
+    contact_models=("soft_finger", "point"),
+)
+
+
+def planned(k: int) -> ForceRecord:
+    """Forces of tick k: finger 1 alone until finger 2 touches and takes half of what it presses."""
+    late = k >= 50
+    press = 4.0 - 0.01 * k
+    other = 0.5 * press if late else 0.0
+    return ForceRecord(
+        force=np.array([[0.1, -press, 0.5], [0.0, other, 0.0]]),
+        spin=np.array([0.002, 0.0]),
+        torque=np.array([0.1 + 0.003 * k, -0.2, 2.0]),
+        cone_margin=np.array([press - 0.9, other if late else np.nan]),
+        torque_margin=np.array([0.4 - 0.003 * k, 0.3, np.inf]),
+        wrench=np.array([0.1, 0.0, 4.0, 0.0, 0.01 * k, 0.0]),
+        mass=0.4 if not late else 0.3,
+        com=np.array([0.1 * k * DT, 0.0, 0.02]),
+        status=0 if k < 90 else 3,
+        iterations=7 if k == 0 else 1,
+        phi=2.0 * press,
+        sum_normal=press + other,
+    )
+
+
+def with_forces(ticks: int = 100, *, complete: bool = True) -> Log:
+    """The log of a run that plans contact forces; no cone can hold it from tick 90 on."""
+    changes: dict[int, dict[str, object]] = {k: {"forces": planned(k)} for k in range(ticks)}
+    return recorded(ticks, changes, FORCE_META, complete=complete)
 
 
 def removed_and_back() -> dict[int, dict[str, object]]:

@@ -20,7 +20,7 @@ import pytest
 from wbc.errors import WbcError
 from wbc.recording import Log
 
-from .runs import META, recorded
+from .runs import META, recorded, with_forces
 
 Arrays = dict[str, np.ndarray]
 
@@ -76,8 +76,10 @@ CHANGES: dict[str, tuple[dict[str, Any], str]] = {
     "complex": ({"cost": np.zeros(20, complex)}, "'cost' is of type complex128"),
     "structured": ({"cost": np.zeros(20, [("a", float)])}, "'cost' is of type"),
     "no format": ({"format": None}, "it has no array 'format'"),
-    "format 2": ({"format": np.array(2)}, "its format is not 1"),
-    "two formats": ({"format": np.array([1, 1])}, "its format is not 1"),
+    "format 3": ({"format": np.array(3)}, "its format is not 2"),
+    "two formats": ({"format": np.array([1, 1])}, "its format is not 2"),
+    "no forces": ({"phi": None}, "it has no array 'phi'"),
+    "forces from nowhere": ({"phi": np.zeros(20)}, "expected 0 for F"),
     "complete is a number": ({"complete": np.array(1)}, "'complete' is not a single value"),
     "meta is not JSON": ({"meta": np.array("{")}, "'meta' is not JSON"),
     "meta is deep": ({"meta": np.array("[" * 200_000)}, "'meta' is not JSON"),
@@ -94,6 +96,29 @@ CHANGES: dict[str, tuple[dict[str, Any], str]] = {
     "names in one text": ({"meta": with_meta(joint_names="abc")}, "bad 'joint_names'"),
     "limits are text": ({"meta": with_meta(q_lower=["a"] * 3)}, "bad 'q_lower'"),
 }
+
+
+FORCE_CHANGES: dict[str, tuple[dict[str, Any], str]] = {
+    "a finger too many": ({"cone_margin": np.zeros((20, 3))}, "expected 2 for N"),
+    "no such status": ({"force_status": np.full(20, 8)}, "'force_status' goes outside 0 to 7"),
+    "a tick too few": ({"sum_normal": np.zeros(19)}, "expected 20 for F"),
+    "no models": (
+        {"meta": with_meta(contact_models=[])}, "it has 20 ticks of forces, and 20 ticks"
+    ),
+    "a model too many": (
+        {"meta": with_meta(contact_models=["point"] * 3)}, "contact_models has 3 entries"
+    ),
+    "friction is null": ({"meta": with_meta(mu=[None, 0.5])}, "bad 'mu'"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", FORCE_CHANGES)
+def test_planned_forces_that_are_wrong_are_named(tmp_path: Path, case: str) -> None:
+    changes, what = FORCE_CHANGES[case]
+    with_forces(20).save(tmp_path / "good.npz")
+    with np.load(tmp_path / "good.npz") as data:
+        np.savez(tmp_path / "bad.npz", **{**data, **changes})
+    refused(tmp_path / "bad.npz", what)
 
 
 @pytest.mark.parametrize("case", CHANGES)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import resource
 import subprocess
@@ -16,11 +17,20 @@ import pytest
 
 from wbc.errors import WbcError
 from wbc.recording import Log, Recorder, RunMeta, installed_versions
-from wbc.recording.log import LAYOUT
+from wbc.recording.log import FORCES, LAYOUT
 from wbc.rotations import rotation_from_quaternion
 from wbc.stack.limits import Limited
 
-from .runs import DT, META, record, recorded, removed_and_back
+from .runs import (
+    DT,
+    FORCE_META,
+    META,
+    planned,
+    record,
+    recorded,
+    removed_and_back,
+    with_forces,
+)
 
 
 def assert_same(one: Log, two: Log) -> None:
@@ -49,6 +59,55 @@ def test_every_field_of_a_record_is_in_the_log() -> None:
     stages = (log.limit_secondary, log.limit_main, log.limit_change, log.limit_clipped)
     assert (*(x[3] for x in stages), log.limit_joint[3]) == tuple(limited)
     assert log.limit_joint[4] == -1
+
+
+def test_planned_forces_are_in_the_log(tmp_path: Path) -> None:
+    log, f = with_forces(70), planned(55)
+    assert log.plans_forces and log.contact_force_plan.shape == (70, 2, 3)
+    for name, want in (
+        ("contact_force_plan", f.force), ("contact_spin_plan", f.spin), ("tau_plan", f.torque),
+        ("cone_margin", f.cone_margin), ("torque_margin", f.torque_margin),
+        ("wrench_plan", f.wrench), ("object_mass", f.mass), ("object_com", f.com),
+        ("force_status", f.status), ("force_iterations", f.iterations), ("phi", f.phi),
+        ("sum_normal", f.sum_normal),
+    ):  # fmt: skip
+        np.testing.assert_array_equal(getattr(log, name)[55], want, err_msg=name)
+    assert np.isnan(log.cone_margin[49, 1]) and log.torque_margin[0, 2] == np.inf
+    for name in ("a.npz", "b.npz"):
+        with_forces(70).save(tmp_path / name)
+    assert_same(Log.load(tmp_path / "a.npz"), log)
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    assert RunMeta.from_json(FORCE_META.to_json()) == FORCE_META
+
+
+def test_without_planned_forces_their_arrays_have_no_row() -> None:
+    log = recorded(5)
+    assert not log.plans_forces
+    assert (log.contact_force_plan.shape, log.tau_plan.shape) == ((0, 2, 3), (0, 3))
+
+
+def test_forces_are_planned_in_every_tick_or_in_none() -> None:
+    recorder = Recorder(FORCE_META)
+    recorder.append(record(0, forces=planned(0)))
+    with pytest.raises(ValueError, match="in every tick of a run, or in none"):
+        recorder.append(record(1))
+    with pytest.raises(ValueError, match="meta names no contact models"):
+        Recorder(META).append(record(0, forces=planned(0)))
+    with pytest.raises(ValueError, match=r"record\.forces\.spin has shape \(3,\), expected \(2,\)"):
+        Recorder(FORCE_META).append(record(0, forces=planned(0)._replace(spin=np.zeros(3))))
+
+
+def test_a_log_from_before_forces_could_be_planned_is_read(tmp_path: Path) -> None:
+    log = recorded(60, removed_and_back())
+    log.save(tmp_path / "log.npz")
+    with np.load(tmp_path / "log.npz") as data:
+        arrays = {name: data[name] for name in data.files if name not in FORCES}
+    meta = json.loads(META.to_json())
+    for name in ("tau_min", "tau_max", "mu", "mu_t", "contact_models"):
+        del meta[name]
+    arrays.update(format=np.array(1), meta=np.array(json.dumps(meta)))
+    np.savez(tmp_path / "old.npz", **arrays)
+    assert_same(Log.load(tmp_path / "old.npz"), log)
 
 
 def test_the_main_task_comes_first_and_tips_stand_apart() -> None:

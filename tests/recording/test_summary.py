@@ -17,7 +17,17 @@ from wbc.recording import Outcome, summarize, write
 from wbc.recording.summary import phase_starts, velocity_steps
 from wbc.stack.limits import Limited
 
-from .runs import DT, META, PHASES, phase, record, recorded, removed_and_back, without_limits
+from .runs import (
+    DT,
+    META,
+    PHASES,
+    phase,
+    record,
+    recorded,
+    removed_and_back,
+    with_forces,
+    without_limits,
+)
 
 DONE = Outcome(PHASES, done=True)
 OPEN = Outcome(PHASES, done=False)
@@ -232,6 +242,24 @@ def test_the_file_is_strict_json(tmp_path: Path) -> None:
     assert json.loads(text, parse_constant=never) == s
     assert s["cost"]["max"] is None
     assert write(s, tmp_path / "again.json").read_text() == text
+
+
+def test_planned_forces() -> None:
+    s = summarize(with_forces(100), DONE)
+    # press = 4 − 0.01 k: finger 1 keeps press − 0.9, finger 2 half of press from tick 50 on
+    assert s["force_min_cone_margin_n"] == pytest.approx(0.5 * (4.0 - 0.99))
+    assert s["force_min_torque_margin_nm"] == pytest.approx(0.4 - 0.003 * 99)
+    assert s["force_iterations_mean"] == pytest.approx(1.06)
+    assert s["force_infeasible_ticks"] == 10
+    assert s["force_sum_normal_max_n"] == pytest.approx(1.5 * 3.5)
+    assert s["force_statuses"] == {
+        "solved": {"first_t": 0.0, "ticks": 90},
+        "infeasible_friction": {"first_t": pytest.approx(0.9), "ticks": 10},
+    }
+
+
+def test_without_planned_forces_nothing_is_said_of_them() -> None:
+    assert not [key for key in summarize(recorded(5), DONE) if key.startswith("force_m")]
 
 
 def test_a_run_without_pairs_has_no_distance() -> None:

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from wbc.archive import read_arrays, write_arrays
 from wbc.arrays import Array, BoolArray, IntArray
 from wbc.errors import WbcError
+from wbc.forces import ForceStatus
 from wbc.recording.meta import RunMeta
 
-FORMAT = 1
+FORMAT = 2
+_WITHOUT_FORCES = 1  # an older format, still read: its scenarios could not plan any
 
 # Kind of the array and its axes: T ticks, n joints, N fingers, m tasks (main first), K tip tasks,
 # P phases, L levels of the stack, E stack events; digits are themselves.
@@ -60,6 +62,23 @@ LAYOUT: dict[str, tuple[type, str]] = {
     "event_cost": (np.float64, "E"),
 }
 
+# F is T where the scenario plans contact forces, else 0.
+FORCES: dict[str, tuple[type, str]] = {
+    "contact_force_plan": (np.float64, "FN3"),
+    "contact_spin_plan": (np.float64, "FN"),
+    "tau_plan": (np.float64, "Fn"),
+    "cone_margin": (np.float64, "FN"),
+    "torque_margin": (np.float64, "Fn"),
+    "wrench_plan": (np.float64, "F6"),
+    "object_mass": (np.float64, "F"),
+    "object_com": (np.float64, "F3"),
+    "force_status": (np.int64, "F"),
+    "force_iterations": (np.int64, "F"),
+    "phi": (np.float64, "F"),
+    "sum_normal": (np.float64, "F"),
+}
+LAYOUT.update(FORCES)
+
 
 @final
 @dataclass(frozen=True, eq=False)
@@ -97,6 +116,18 @@ class Log:
         freedom: (T, L) share of freedom each level of the stack found.
         event_t, event_task, event_inserted, event_cost: (E,) the supervisor's decisions: time [s],
             index into `task_names` followed by `tip_task_names`, in or out, predicted cost.
+        contact_force_plan: (F, N, 3) planned force of each contact on the object, [N]. F is T, or
+            0 where the scenario plans no forces: so for all that follow.
+        contact_spin_plan: (F, N) planned moment about the inward normal, [Nm].
+        tau_plan: (F, n) joint torques that go with them (4), [Nm].
+        cone_margin: (F, N) distance to the friction cone's side, [N]; NaN where free.
+        torque_margin: (F, n) distance of a torque to its nearer limit, [Nm]; inf without one.
+        wrench_plan: (F, 6) force [N] and moment [Nm] about the object's origin that the contacts
+            supply.
+        object_mass, object_com: (F,) [kg], (F, 3) [m], of the object with its contents.
+        force_status: (F,) index into the members of `wbc.forces.ForceStatus`.
+        force_iterations: (F,) Newton steps.
+        phi, sum_normal: (F,) the cost (15) and Σ c_z, [N].
     """
 
     meta: RunMeta
@@ -139,11 +170,28 @@ class Log:
     event_task: IntArray
     event_inserted: BoolArray
     event_cost: Array
+    contact_force_plan: Array
+    contact_spin_plan: Array
+    tau_plan: Array
+    cone_margin: Array
+    torque_margin: Array
+    wrench_plan: Array
+    object_mass: Array
+    object_com: Array
+    force_status: IntArray
+    force_iterations: IntArray
+    phi: Array
+    sum_normal: Array
 
     @property
     def ticks(self) -> int:
         """Number of ticks, T."""
         return len(self.t)
+
+    @property
+    def plans_forces(self) -> bool:
+        """Whether contact forces were planned and recorded."""
+        return len(self.phi) > 0
 
     @property
     def all_task_names(self) -> tuple[str, ...]:
@@ -179,7 +227,10 @@ class Log:
             WbcError: one line: what the file is or lacks, or which array is wrong.
         """
         what = "a log of wbc"
-        found = read_arrays(path, ("format", "meta", "complete", *LAYOUT), what=what)
+        always = [name for name in LAYOUT if name not in FORCES]
+        found = read_arrays(
+            path, ("format", "meta", "complete", *always), what=what, optional=FORCES
+        )
         try:
             return cls(**_checked(found))
         except (WbcError, ValueError) as error:
@@ -189,7 +240,8 @@ class Log:
 def _checked(found: dict[str, NDArray[Any]]) -> dict[str, Any]:
     """Constructor arguments of a log out of the arrays of a file."""
     version = found["format"]
-    if version.shape != () or version.dtype.kind != "i" or int(version) != FORMAT:
+    known = (_WITHOUT_FORCES, FORMAT)
+    if version.shape != () or version.dtype.kind != "i" or int(version) not in known:
         raise WbcError(f"its format is not {FORMAT}")
     for name, letter in (("meta", "U"), ("complete", "b")):
         if found[name].shape != () or found[name].dtype.kind != letter:
@@ -198,7 +250,20 @@ def _checked(found: dict[str, NDArray[Any]]) -> dict[str, Any]:
     sizes: dict[str, int] = {}
     values: dict[str, Any] = {"meta": meta, "complete": bool(found["complete"])}
     for name, (kind, axes) in LAYOUT.items():
-        values[name] = _fitted(name, found[name], kind, axes, sizes)
+        if name in FORCES and int(version) == _WITHOUT_FORCES:
+            shape = [0 if a == "F" else int(a) if a.isdigit() else sizes[a] for a in axes]
+            values[name] = np.zeros(shape, dtype=kind)
+        elif name not in found:
+            raise WbcError(f"it has no array '{name}'")
+        else:
+            values[name] = _fitted(name, found[name], kind, axes, sizes)
+    _check_ranges(values, sizes)
+    return values
+
+
+def _check_ranges(values: dict[str, Any], sizes: dict[str, int]) -> None:
+    """Names, times and indices mean what `meta` says."""
+    meta: RunMeta = values["meta"]
     for name, expected in (
         ("joint_names", meta.joint_names),
         ("contact_names", meta.contact_names),
@@ -215,7 +280,10 @@ def _checked(found: dict[str, NDArray[Any]]) -> dict[str, Any]:
     _in_range("event_task", task, 0, sizes.get("m", 0) + sizes.get("K", 0))
     _in_range("limit_joint", values["limit_joint"], -1, sizes.get("n", 0))
     _in_range("contact_mode", values["contact_mode"], 0, 3)
-    return values
+    _in_range("force_status", values["force_status"], 0, len(ForceStatus))
+    planned, ticks = len(values["phi"]), len(values["t"])
+    if planned not in ((0, ticks) if meta.contact_models else (0,)):
+        raise WbcError(f"it has {planned} ticks of forces, and {ticks} ticks")
 
 
 def _fitted(

@@ -52,6 +52,10 @@ class RunMeta:
         task_units: units of the errors of main and secondary tasks; empty where unknown.
         remove_above, insert_below: the supervisor's thresholds of the cost.
         safety_distance: below which the collision cost acts, [m].
+        tau_min, tau_max: (n,) torque limits of the joints, [Nm]; empty, as all that follows, where
+            no contact forces are planned.
+        mu, mu_t: (N,) friction coefficients of the contacts, [1], and about the normal, [m].
+        contact_models: (N,) ``"point"`` or ``"soft_finger"``.
     """
 
     scenario: str
@@ -73,16 +77,21 @@ class RunMeta:
     remove_above: float | None = None
     insert_below: float | None = None
     safety_distance: float | None = None
+    tau_min: tuple[float, ...] = ()
+    tau_max: tuple[float, ...] = ()
+    mu: tuple[float, ...] = ()
+    mu_t: tuple[float, ...] = ()
+    contact_models: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.dt) and self.dt > 0.0):
             raise WbcError(f"dt must be positive, got {self.dt}")
+        joints, contacts = len(self.joint_names), len(self.contact_names)
         for name, size in (
-            ("q_lower", len(self.joint_names)),
-            ("q_upper", len(self.joint_names)),
-            ("v_limit", len(self.joint_names)),
-            ("task_units", len(self.log_task_names)),
-        ):
+            ("q_lower", joints), ("q_upper", joints), ("v_limit", joints),
+            ("task_units", len(self.log_task_names)), ("tau_min", joints), ("tau_max", joints),
+            ("mu", contacts), ("mu_t", contacts), ("contact_models", contacts),
+        ):  # fmt: skip
             if len(getattr(self, name)) not in (0, size):
                 raise WbcError(f"{name} has {len(getattr(self, name))} entries, expected {size}")
 
@@ -99,7 +108,7 @@ class RunMeta:
     def to_json(self) -> str:
         """One JSON object; infinite limits become null."""
         data: dict[str, Any] = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        for name in ("q_lower", "q_upper", "v_limit"):
+        for name in _MISSING_LIMIT:
             data[name] = [x if math.isfinite(x) else None for x in map(float, data[name])]
         data["versions"] = dict(sorted(self.versions.items()))
         data["scenario_sha256"] = self.scenario_hash
@@ -117,6 +126,8 @@ class RunMeta:
         hints = typing.get_type_hints(cls)
         values = {}
         for f in dataclasses.fields(cls):
+            if f.name in _OF_FORCES and f.name not in data:
+                continue  # logs of format 1 plan none
             if f.name not in data:
                 raise WbcError(f"its 'meta' lacks '{f.name}'")
             try:
@@ -130,7 +141,11 @@ def _no_number(text: str) -> float:
     raise ValueError(f"{text} is not JSON")
 
 
-_MISSING_LIMIT = {"q_lower": -math.inf, "q_upper": math.inf, "v_limit": math.inf}
+_OF_FORCES = ("tau_min", "tau_max", "mu", "mu_t", "contact_models")
+_MISSING_LIMIT = {
+    "q_lower": -math.inf, "q_upper": math.inf, "v_limit": math.inf, "tau_min": -math.inf,
+    "tau_max": math.inf,
+}  # fmt: skip
 
 
 def _typed(name: str, value: Any, hint: Any) -> Any:
@@ -138,7 +153,7 @@ def _typed(name: str, value: Any, hint: Any) -> Any:
     if hint == tuple[str, ...] and _all(value, str):
         return tuple(value)
     if hint == tuple[float, ...] and isinstance(value, list):
-        filled = [_MISSING_LIMIT[name] if x is None else x for x in value]
+        filled: list[Any] = [_MISSING_LIMIT.get(name) if x is None else x for x in value]
         if _all(filled, (int, float)):
             return tuple(map(float, filled))
     if hint == Mapping[str, str] and isinstance(value, dict) and _all([*value.values()], str):

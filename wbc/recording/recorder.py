@@ -10,8 +10,8 @@ from typing import Any, final
 import numpy as np
 
 from wbc.arrays import Array
-from wbc.control.state import TickRecord
-from wbc.recording.log import LAYOUT, Log
+from wbc.control.state import ForceRecord, TickRecord
+from wbc.recording.log import FORCES, LAYOUT, Log
 from wbc.recording.meta import RunMeta
 from wbc.rotations import quaternion
 
@@ -27,6 +27,16 @@ _VECTORS = (
     "object_error", "mode", "contact_points", "contact_normals", "task_error", "within",
     "activation", "freedom",
 )  # fmt: skip
+# Arrays of planned forces in the log, in the order of `ForceRecord`, which is that of a row's end.
+_FORCES = dict(zip(
+    ForceRecord._fields,
+    (
+        "contact_force_plan", "contact_spin_plan", "tau_plan", "cone_margin", "torque_margin",
+        "wrench_plan", "object_mass", "object_com", "force_status", "force_iterations", "phi",
+        "sum_normal",
+    ),
+    strict=True,
+))  # fmt: skip
 
 
 @final
@@ -48,6 +58,7 @@ class Recorder:
         self._block = np.empty((0, 0))
         self._count = 0
         self._freedom = 0
+        self._forces = False
 
     def __len__(self) -> int:
         return self._count
@@ -60,7 +71,9 @@ class Recorder:
         """
         if self._count == len(self._block):
             self._grow(record)
-        limited, event = record.limited, record.event
+        limited, event, forces = record.limited, record.event, record.forces
+        if (forces is not None) != self._forces:
+            raise ValueError("record.forces must be planned in every tick of a run, or in none")
         single = (
             record.t, record.cost, record.min_distance, record.phase, int(record.status),
             record.independence, record.residuals[0], record.residuals[1], limited.secondary,
@@ -74,6 +87,7 @@ class Recorder:
                 record.object_error.ravel(), record.mode, record.contact_points.ravel(),
                 record.contact_normals.ravel(), record.task_error, record.within,
                 record.activation, record.freedom,
+                *(() if forces is None else [np.ravel(part) for part in forces]),
             ),
             out=self._block[self._count],
         )  # fmt: skip
@@ -104,6 +118,7 @@ class Recorder:
             "object_pose_ref": _poses(vector["reference_position"], vector["reference_rotation"]),
             **self._tasks(vector),
             **self._events(single),
+            **self._planned(rows),
         }
         return self._log(values, complete)
 
@@ -128,15 +143,38 @@ class Recorder:
 
     def _width(self) -> int:
         """Doubles in a row."""
-        return len(_SINGLE) + sum(int(np.prod(shape)) for shape in self._sizes().values())
+        width = len(_SINGLE) + sum(int(np.prod(shape)) for shape in self._sizes().values())
+        forces = self._force_sizes().values() if self._forces else ()
+        return width + sum(int(np.prod(shape)) for shape in forces)
+
+    def _force_sizes(self) -> dict[str, tuple[int, ...]]:
+        """Shape of each field of a `ForceRecord`."""
+        sizes = {"n": len(self.meta.joint_names), "N": len(self.meta.contact_names)}
+        return {
+            field: tuple(sizes[a] if a in sizes else int(a) for a in FORCES[name][1][1:])
+            for field, name in _FORCES.items()
+        }
+
+    def _planned(self, rows: Array) -> dict[str, Array]:
+        """Arrays of the planned forces; without a row where none are planned."""
+        sizes = self._force_sizes()
+        widths = [int(np.prod(shape)) for shape in sizes.values()]
+        ends = rows[:, -sum(widths) :] if self._forces else np.empty((0, sum(widths)))
+        parts = np.split(ends, np.cumsum(widths)[:-1], axis=1)
+        return {
+            _FORCES[field]: part.reshape(len(ends), *shape)
+            for (field, shape), part in zip(sizes.items(), parts, strict=True)
+        }
 
     def _grow(self, record: TickRecord) -> None:
-        if self._count == 0:  # the number of levels is the one size that the names do not tell
+        if self._count == 0:  # the names tell neither the number of levels nor of forces
             self._freedom = len(record.freedom)
-            for name, shape in self._sizes().items():
-                got = np.shape(getattr(record, name))
-                if got != shape:
-                    raise ValueError(f"record.{name} has shape {got}, expected {shape}")
+            self._forces = record.forces is not None
+            if self._forces and not self.meta.contact_models:
+                raise ValueError("record.forces is planned, and meta names no contact models")
+            _check(record, self._sizes())
+            if record.forces is not None:
+                _check(record.forces, self._force_sizes())
         block = np.empty((max(self._capacity, 2 * self._count), self._width()))
         block[: self._count] = self._block[: self._count] if self._count else 0.0
         self._block = block
@@ -186,6 +224,15 @@ class Recorder:
                 arrays[name] = np.array(values[name], dtype=kind, order="C")
                 arrays[name].setflags(write=False)
         return Log(meta=meta, complete=complete, **names, **arrays)
+
+
+def _check(record: TickRecord | ForceRecord, sizes: dict[str, tuple[int, ...]]) -> None:
+    """Raise `ValueError` where an array of `record` has another shape."""
+    of = "record.forces" if isinstance(record, ForceRecord) else "record"
+    for name, shape in sizes.items():
+        got = np.shape(getattr(record, name))
+        if got != shape:
+            raise ValueError(f"{of}.{name} has shape {got}, expected {shape}")
 
 
 def _poses(position: Array, rotation: Array) -> Array:

@@ -13,6 +13,7 @@ import numpy as np
 from wbc.arrays import Array, IntArray
 from wbc.control.state import Status
 from wbc.files import write_whole
+from wbc.forces import ForceStatus
 from wbc.recording.log import Log
 from wbc.recording.outcome import Outcome, reason, violations
 
@@ -63,6 +64,7 @@ def summarize(log: Log, outcome: Outcome | None = None) -> dict[str, Any]:
         "final_task_error": dict(zip(log.task_names, log.task_error[-1], strict=True))
         if log.ticks
         else {},
+        **(_forces(log) if log.plans_forces else {}),
     }
     plain: dict[str, Any] = _plain(facts)
     return plain
@@ -249,3 +251,28 @@ def _limits(log: Log) -> dict[str, Any]:
         "clipped": int(log.limit_clipped.sum()),
         "most_limited_joint": log.joint_names[int(np.argmax(counts))] if acted.any() else None,
     }
+
+
+def _forces(log: Log) -> dict[str, Any]:
+    """Margins, effort and verdicts of the planned contact forces."""
+    occurred = {}
+    usable = np.zeros(log.ticks, dtype=bool)
+    for index, status in enumerate(ForceStatus):
+        ticks = np.flatnonzero(log.force_status == index)
+        if len(ticks):
+            occurred[status.value] = {"first_t": log.t[ticks[0]], "ticks": len(ticks)}
+            usable[ticks] = status.usable
+    return {
+        "force_min_cone_margin_n": _extreme(log, -_least(log.cone_margin), "min", -1.0)["min"],
+        "force_min_torque_margin_nm": np.min(log.torque_margin, initial=np.inf),
+        "force_iterations_mean": log.force_iterations.mean(),
+        "force_infeasible_ticks": int((~usable).sum()),
+        "force_sum_normal_max_n": _extreme(log, log.sum_normal, "max")["max"],
+        "force_statuses": occurred,
+    }
+
+
+def _least(margins: Array) -> Array:
+    """(T,) smallest entry of each row, those that are NaN left out; NaN where all are."""
+    least = np.min(margins, axis=1, initial=np.inf, where=~np.isnan(margins))
+    return np.where(np.isinf(least), np.nan, least)
