@@ -40,8 +40,8 @@ def grasp_matrix(points: Array, frames: Array, model: str) -> Array:
 def finger_jacobians(
     points: Array, frames: Array, model: str, rng: np.random.Generator, *, length: float = 0.03
 ) -> Array:
-    """(M, 3n) three hinges of a bent finger behind each contact point, about 1, 2.6 and 3.8 `length`
-    away: no direction of force is free of torques."""
+    """(M, 3n) three hinges of a bent finger behind each contact point, about 1, 2.6 and 3.8
+    times `length` away: no direction of force is free of torques."""
     m = 3 if model == POINT else 4
     n = len(points)
     jacobian = np.zeros((m * n, 3 * n))
