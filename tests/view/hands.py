@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -57,6 +57,13 @@ class Rows:
     object_error: np.ndarray
     min_distance: np.ndarray
     status: np.ndarray
+    # of planned forces: none, unless `with_forces` makes some
+    contact_force_plan: np.ndarray = field(default_factory=lambda: np.zeros((0, 6, 3)))
+    torque_margin: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    wrench_plan: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
+    object_mass: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    object_com: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    force_status: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
 
 
 def postures(model: RobotModel, count: int) -> Rows:
@@ -86,4 +93,27 @@ def postures(model: RobotModel, count: int) -> Rows:
         object_error=error,
         min_distance=np.full(count, 0.0123),
         status=np.where(t > 2.0, 1, 0),
+    )
+
+
+LIMIT = 0.5  # of every joint, [Nm]
+
+
+def with_forces(model: RobotModel, rows: Rows) -> Rows:
+    """Fingers that press with 1 N to 4 N from the touch on; from 1.5 s on a joint of the right
+    index finger, which is contact 1, has reached its torque limit."""
+    count = len(rows.t)
+    press = (1.0 + rows.t)[:, None, None] * (rows.contact_mode > 0)[..., None]
+    margin = np.full((count, model.nv), 0.5 * LIMIT)
+    distal = int(np.flatnonzero(model.support(model.frame(TIPS["r_index"])))[-1])
+    margin[rows.t >= 1.5, distal] = 0.04 * LIMIT
+    wrench = np.tile([0.0, 0.0, 0.4 * 9.81, 0.0, 0.05, 0.0], (count, 1))
+    return replace(
+        rows,
+        contact_force_plan=-press * rows.contact_normals,
+        torque_margin=margin,
+        wrench_plan=wrench,
+        object_mass=np.full(count, 0.4),
+        object_com=rows.object_pose[:, :3] + (0.02, 0.0, 0.0),
+        force_status=np.where(rows.t > 2.5, 2, 0),
     )

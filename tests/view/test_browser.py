@@ -6,6 +6,7 @@ import io
 import os
 import threading
 import time
+from dataclasses import replace
 
 import matplotlib.image
 import numpy as np
@@ -13,10 +14,12 @@ import pinocchio as pin
 import pytest
 
 from wbc.view import LiveView, write_html
-from wbc.view.from_robot import SnapshotMaker
+from wbc.view.forces import ArrowMaker
+from wbc.view.from_robot import SnapshotMaker, robot_scene
+from wbc.view.scene import ForceArrows
 
 from .demo import demo_scene, demo_snapshot
-from .hands import dual_arm, postures
+from .hands import LIMIT, PLACE, TIPS, dual_arm, postures, with_forces
 
 CHROMIUM = "/usr/bin/chromium"
 ARGS = [
@@ -228,3 +231,91 @@ def test_a_robot_with_two_hands_is_where_its_kinematics_says(page, tmp_path):
     assert page.locator("#wbc-panel .two .phase").count() == 10
     assert near(picture(page), (0.86, 0.87, 0.89), 0.1) > 5000, "the arms are not in the picture"
     assert page.requested == [path.as_uri()] and page.faults == []
+
+
+ARROW = """() => {
+  const node = viewer.scene_tree.find(['wbc', 'forces', '%s', 'force']);
+  const { scale, visible, position } = node.object;
+  const red = node.find(['<object>']).object.material.color.r;
+  return [scale.z, red, visible, position.x, position.y, position.z];
+}"""
+
+
+def arrow(page, name: str) -> list:
+    """Length [m], red of its colour, visible, position."""
+    return page.evaluate(ARROW % name)
+
+
+def test_force_arrows_grow_and_turn_orange_in_the_live_page(page):
+    """The second finger presses more and more; from 2 s on a torque limit of it is active."""
+    scene = replace(demo_scene(), friction_angles=(0.5, 0.5))
+
+    def at(t: float):
+        shot = demo_snapshot(t)
+        push = -shot.contact_normals * np.array([[0.02], [0.02 + 0.01 * t]])
+        wrench = np.array([0.0, 0.03, 0.0, 0.0, 0.0, 0.02])
+        forces = ForceArrows(
+            push, np.array([False, t >= 2.0]), shot.object_pose[:3], -wrench, wrench,
+            shot.object_pose[:3],
+        )  # fmt: skip
+        return replace(shot, contact_mode=np.array([1, 1]), forces=forces)
+
+    with LiveView(scene) as view:
+        page.goto(view.url)
+        assert view.wait_for_browser(20.0)
+        seen = f"const [long, red, visible] = ({ARROW % 'f2'})()"
+        for t, color in ((1.0, "red < 0.1"), (2.0, "red > 0.9")):  # green, then orange
+            view.publish(at(t))
+            long = f"Math.abs(long - {0.02 + 0.01 * t}) < 1e-6"
+            page.wait_for_function(f"() => {{ {seen}; return visible && {long} && {color}; }}")
+            place = arrow(page, "f2")[3:]
+            np.testing.assert_allclose(place, at(t).contact_points[1], atol=1e-6)
+            length, red, *_ = arrow(page, "f1")
+            assert length == pytest.approx(0.02, abs=1e-6) and red < 0.1, "the other stays green"
+        view.publish(replace(at(2.0), forces=None))
+        page.wait_for_function(f"({ARROW % 'f2'})()[2] === false")
+        hosts = {url.split("/")[2] for url in page.requested if not url.startswith("data:")}
+        assert hosts == {view.url.split("/")[2]} and page.faults == []
+
+
+def test_force_arrows_in_the_exported_file(page, tmp_path):
+    """Two hands: at 1.2 s all arrows are green, at 2 s that of the right index finger is orange."""
+    model, grasp, _ = dual_arm()
+    rows = with_forces(model, postures(model, 91))
+    q = rows.q
+    tips = list(TIPS.values())
+    scene = robot_scene(
+        model, grasp, title="two hands", tips=tips, friction=[0.6] * 6,
+        task_names=("object", "force", "moment", "posture"), phase_names=tuple("abcdefghij"),
+        shown=[(q[0], PLACE), (q[-1], PLACE)],
+    )  # fmt: skip
+    scene = replace(scene, center=tuple(PLACE), extent=0.15)  # a look from near by
+    maker = SnapshotMaker(
+        model, arrows=ArrowMaker(model, tips, [-LIMIT] * model.nv, [LIMIT] * model.nv)
+    )
+    page.goto(
+        write_html(
+            tmp_path / "run.html", scene, [maker.of_row(rows, k) for k in range(91)]
+        ).as_uri()
+    )
+    page.wait_for_function("viewer.animator.playing && viewer.animator.time > 0.1")
+    page.click("#wbc-player button")
+    for t in (0.5, 1.2, 2.0):
+        page.locator("#wbc-player input").fill(str(t))
+        page.wait_for_function(
+            f"document.querySelector('#wbc-panel .value').textContent === '{t:.2f} s'"
+        )
+        page.wait_for_timeout(200)
+        for name in TIPS:
+            length, red, visible, *place = arrow(page, name)
+            assert visible == (t >= 1.0)
+            if visible:
+                assert length == pytest.approx(0.07 / (0.4 * 9.81) * (1.0 + t), rel=1e-4)
+                k = round(30 * t)
+                np.testing.assert_allclose(
+                    place, rows.contact_points[k, list(TIPS).index(name)], atol=1e-5
+                )
+                assert (red > 0.5) == (t >= 1.5 and name == "r_index")
+    pixels = picture(page)
+    assert near(pixels, (0.05, 0.60, 0.20)) > 20, "no arrow is green"
+    assert page.faults == []

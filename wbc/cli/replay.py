@@ -23,6 +23,7 @@ from wbc.scenario.build import build_grasp
 from wbc.scenario.places import robot_file
 from wbc.scenario.robots import read_robot
 from wbc.view import LiveView, Scene, Snapshot, replay
+from wbc.view.forces import ArrowMaker
 from wbc.view.from_robot import SnapshotMaker, event_text, robot_scene
 
 _FPS = 60.0  # of a replay: more is not seen
@@ -77,12 +78,14 @@ class Film:
 
     Attributes:
         path: the log's file.
+        arrows: where the run planned forces.
     """
 
     path: Path
     log: Log
     scene: Scene
     model: RobotModel
+    arrows: ArrowMaker | None
 
     def thinned(self, fps: float) -> list[int]:
         """Ticks for at most `fps` pictures per second, with the first and the last."""
@@ -92,7 +95,7 @@ class Film:
 
     def snapshots(self, ticks: Sequence[int]) -> Iterator[Snapshot]:
         """The run at the given ticks, in order, with the last stack event before each."""
-        log, maker = self.log, SnapshotMaker(self.model)
+        log, maker = self.log, SnapshotMaker(self.model, arrows=self.arrows)
         told = 0
         for k in ticks:
             while told < len(log.event_t) and log.event_t[told] <= log.t[k]:
@@ -123,17 +126,21 @@ def open_film(run: str) -> Film:
     if model.joint_names != log.joint_names:
         raise WbcError(f"'{path}' was recorded with another robot than {model.path}")
     grasp = build_grasp(scenario, model)
+    _check_contacts(path, log, grasp)
+    meta = log.meta
+    tips = [scenario.robot.fingers[name] for name in grasp.fingers]
     scene = robot_scene(
         model,
         grasp,
-        title=log.meta.scenario,
-        tips=[scenario.robot.fingers[name] for name in grasp.fingers],
+        title=meta.scenario,
+        tips=tips,
         task_names=log.task_names,
         phase_names=log.phase_names,
         shown=[(log.q[0], log.object_pose[0, :3]), (log.q[-1], log.object_pose[-1, :3])],
+        friction=meta.mu,
     )
-    _check_contacts(path, log, grasp)
-    return Film(path, log, scene, model)
+    arrows = ArrowMaker(model, tips, meta.tau_min, meta.tau_max) if log.plans_forces else None
+    return Film(path, log, scene, model, arrows)
 
 
 def _check_contacts(path: Path, log: Log, grasp: Grasp) -> None:

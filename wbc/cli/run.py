@@ -32,6 +32,7 @@ from wbc.recording import Log, Outcome, Recorder, summarize, write
 from wbc.scenario.build import Assembly, build
 from wbc.sim.kinematic import run
 from wbc.view import LiveView
+from wbc.view.forces import ArrowMaker
 from wbc.view.from_robot import SnapshotMaker, robot_scene
 
 _LATE = 0.1  # behind by more than this, the pace starts anew rather than hurry, [s]
@@ -93,17 +94,20 @@ class _Viewer:
         controller, model = assembly.controller, assembly.model
         shown = len(controller.task_names) - controller.law.kin.grasp.count
         main = () if assembly.main_task is None else (assembly.main_task,)
-        fingers = assembly.loaded.scenario.robot.fingers
+        fingers, meta = assembly.loaded.scenario.robot.fingers, run_meta(assembly)
+        tips = [fingers[name] for name in meta.contact_names]
         scene = robot_scene(
             model,
             controller.law.kin.grasp,
             title=assembly.loaded.scenario.name,
-            tips=[fingers[name] for name in controller.law.kin.grasp.fingers],
+            tips=tips,
             task_names=(*main, *controller.task_names[:shown]),
             phase_names=tuple(phase.name for phase in controller.phases.phases),
             shown=[(assembly.start.q, controller.law.kin.object_position)],
+            friction=meta.mu,
         )
-        self._maker = SnapshotMaker(model, controller.task_names, shown, bool(main))
+        arrows = ArrowMaker(model, tips, meta.tau_min, meta.tau_max) if meta.mu else None
+        self._maker = SnapshotMaker(model, controller.task_names, shown, bool(main), arrows)
         self._live = LiveView(scene, arguments.port, open_browser=not arguments.no_browser)
         if self._live.url:
             asked = arguments.port

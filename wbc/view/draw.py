@@ -7,7 +7,11 @@ Nodes of the page's scene tree, each a stable path:
     /wbc/robot/<body>/<shape>         the pose is that of /wbc/robot/<body>
     /wbc/object                       pose; below it /wbc/object/mesh and /wbc/object/outline
     /wbc/contacts/<name>/point        sphere at the contact, its colour that of the contact's state
-    /wbc/contacts/<name>/normal       arrow along z, the outward normal; while the finger touches
+    /wbc/contacts/<name>/normal       arrow along z, the outward normal; while the finger touches,
+                                      in a scene without forces
+    /wbc/forces/<name>/cone, force    of a contact, where forces are planned; the rest of them are
+                                      /wbc/forces/weight, weight_moment, resultant and
+                                      resultant_moment (see `wbc.view.arrows`)
 
 A shape with a finger takes the colour of that contact's state while it touches.
 
@@ -28,8 +32,17 @@ import umsgpack
 from meshcat import geometry as g
 
 from wbc.arrays import Array
+from wbc.view import arrows
 from wbc.view.meshes import capsule, ribbon
-from wbc.view.scene import ObjectShape, Scene, SceneShape, Snapshot, body_matrices, pose_matrices
+from wbc.view.scene import (
+    ObjectShape,
+    Scene,
+    SceneShape,
+    Snapshot,
+    body_matrices,
+    contact_frames,
+    pose_matrices,
+)
 
 Commands = dict[tuple[str, str], bytes]
 """(path, property) -> encoded command."""
@@ -58,6 +71,7 @@ SPATIAL_MARKS = Marks(0.0095, 0.13, 0.0028)
 """Slimmer: a hand's fingertips are close together."""
 
 
+_ABOVE = {"depthTest": False, "transparent": True}
 _BACKGROUND = {"top_color": [1.0, 1.0, 1.0], "bottom_color": [0.90, 0.925, 0.95]}
 # three.js lays cylinders along y; the convention of robot descriptions is z.
 _Z_FROM_Y = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
@@ -161,7 +175,6 @@ def _object(out: Commands, scene: Scene, shape: ObjectShape) -> None:
 
 def _contact(out: Commands, scene: Scene, name: str) -> None:
     """Marks drawn over everything else: a contact lies between two solids and would be hidden."""
-    above = {"depthTest": False, "transparent": True}
     marks = PLANAR_MARKS if scene.planar else SPATIAL_MARKS
     path = node("contacts", name, "normal")
     length, radius = marks.length * scene.extent, marks.radius * scene.extent
@@ -173,11 +186,11 @@ def _contact(out: Commands, scene: Scene, name: str) -> None:
     for part, solid, height in parts:
         place = _Z_FROM_Y.copy()
         place[2, 3] = height
-        below, material = f"{path}/{part}", _material(FREE, g.MeshBasicMaterial, **above)
+        below, material = f"{path}/{part}", _material(FREE, g.MeshBasicMaterial, **_ABOVE)
         out[below, "object"] = _set_object(below, solid, material, renderOrder=2)
         out[below, "transform"] = set_transform(below, place)
     path = node("contacts", name, "point")
-    material = _material(FREE, g.MeshBasicMaterial, **above)
+    material = _material(FREE, g.MeshBasicMaterial, **_ABOVE)
     ball = g.Sphere(marks.point * scene.extent)
     out[path, "object"] = _set_object(path, ball, material, renderOrder=3)
 
@@ -220,24 +233,15 @@ def fixed_commands(scene: Scene) -> Commands:
         _object(out, scene, scene.object)
     for name in scene.contact_names:
         _contact(out, scene, name)
+    for names, mark in arrows.marks(scene).items():
+        path = node(*names)
+        material = _material(mark.rgba, g.MeshBasicMaterial, **_ABOVE)
+        out[path, "object"] = _set_object(path, _mesh(*mark.mesh), material, renderOrder=mark.order)
     return out
 
 
-def contact_frames(points: Array, normals: Array) -> Array:
-    """(N, 4, 4) frames at the points with z along the normals; NaN where a normal is missing."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        z = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    helper = np.where(np.abs(z[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
-    x = np.cross(helper, z)
-    x /= np.linalg.norm(x, axis=1, keepdims=True)
-    frames = np.zeros((len(points), 4, 4))
-    frames[:, :3, 0], frames[:, :3, 1], frames[:, :3, 2] = x, np.cross(z, x), z
-    frames[:, :3, 3], frames[:, 3, 3] = points, 1.0
-    return frames
-
-
 def poses(scene: Scene, snapshot: Snapshot) -> dict[str, Array]:
-    """The pose of every moving node; NaN where there is none at this instant."""
+    """The pose of every moving node, that of an arrow with its length; NaN where there is none."""
     out: dict[str, Array] = {}
     for name, matrix in zip(scene.body_names, body_matrices(snapshot), strict=True):
         out[node("robot", name)] = matrix
@@ -247,11 +251,16 @@ def poses(scene: Scene, snapshot: Snapshot) -> dict[str, Array]:
         np.asarray(snapshot.contact_points, dtype=np.float64).reshape(-1, 3),
         np.asarray(snapshot.contact_normals, dtype=np.float64).reshape(-1, 3),
     )
-    for name, frame, mode in zip(scene.contact_names, frames, snapshot.contact_mode, strict=True):
+    touching = np.where((np.asarray(snapshot.contact_mode) != 0)[:, None, None], frames, np.nan)
+    for name, frame, normal in zip(scene.contact_names, frames, touching, strict=True):
         at_point = np.eye(4)
         at_point[:3, 3] = frame[:3, 3]
         out[node("contacts", name, "point")] = at_point
-        out[node("contacts", name, "normal")] = frame if mode else np.full((4, 4), np.nan)
+        # a cone says where the normal is, and stands where its arrow would
+        hidden = bool(scene.friction_angles)
+        out[node("contacts", name, "normal")] = np.full((4, 4), np.nan) if hidden else normal
+    for names, matrix in arrows.poses(scene, snapshot.forces, touching).items():
+        out[node(*names)] = matrix
     return out
 
 
@@ -271,6 +280,9 @@ def moving_commands(scene: Scene, snapshot: Snapshot) -> Commands:
     for path, shape in tips(scene).items():
         color = tip_colors(shape)[modes[shape.finger or ""]]
         out[path, "color"] = set_property(path, "color", list(color))
+    for names, rgba in arrows.colors(scene, snapshot.forces).items():
+        path = node(*names)
+        out[path, "color"] = set_property(path, "color", list(rgba))
     return out
 
 

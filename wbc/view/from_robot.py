@@ -14,15 +14,18 @@ from wbc.arrays import Array, BoolArray, IntArray
 from wbc.contact.grasp import Grasp
 from wbc.contact.surfaces import Surface
 from wbc.control.state import Status, TickRecord
+from wbc.forces import ForceStatus
 from wbc.robot.model import RobotModel
 from wbc.robot.prepare import prepared
 from wbc.rotations import quaternion
 from wbc.stack.supervisor import StackEvent
 from wbc.view.creases import creased
+from wbc.view.forces import ArrowMaker
 from wbc.view.framing import Place, frame, placements
 from wbc.view.scene import Kind, ObjectShape, Rgba, Scene, SceneShape, Snapshot
 
 _GREY: Rgba = (0.6, 0.62, 0.66, 1.0)
+_PALE: Rgba = (0.66, 0.76, 0.86, 1.0)  # of an object under arrows and cones, which are warmer
 _STATUS = {
     Status.SCALED: "slowed by limits",
     Status.CLIPPED: "joints clipped",
@@ -45,6 +48,7 @@ def robot_scene(
     task_names: tuple[str, ...] = (),
     phase_names: tuple[str, ...] = (),
     shown: Iterable[Place] = (),
+    friction: Sequence[float] = (),
 ) -> Scene:
     """The robot's visual shapes, the grasp's object and the names of what a run changes.
 
@@ -52,9 +56,12 @@ def robot_scene(
         tips: frames of the grasp's fingertips, in its order; their shapes will show its state.
         task_names: of the panel, highest priority first.
         shown: what the camera has to take in; by default the robot's middle position.
+        friction: coefficient μ of each contact, where planned forces are to be shown.
     """
     shapes = with_tips(model, robot_shapes(model), dict(zip(grasp.fingers, tips, strict=False)))
     body = object_shape(grasp.surface, _thickness(shapes)) if grasp.count else None
+    if body is not None and len(friction):
+        body = replace(body, rgba=_PALE)
     places = list(shown) or [(0.5 * (model.lower + model.upper), np.zeros(3))]
     framing = frame(model, shapes, body, tips, places)
     return Scene(
@@ -70,6 +77,7 @@ def robot_scene(
         center=framing.center,
         towards=framing.towards,
         floor=framing.floor,
+        friction_angles=tuple(math.atan(mu) for mu in friction),
     )
 
 
@@ -203,6 +211,18 @@ class Rows(Protocol):
     def min_distance(self) -> Array: ...
     @property
     def status(self) -> IntArray: ...
+    @property
+    def contact_force_plan(self) -> Array: ...
+    @property
+    def torque_margin(self) -> Array: ...
+    @property
+    def wrench_plan(self) -> Array: ...
+    @property
+    def object_mass(self) -> Array: ...
+    @property
+    def object_com(self) -> Array: ...
+    @property
+    def force_status(self) -> IntArray: ...
 
 
 @final
@@ -214,14 +234,21 @@ class SnapshotMaker:
     """
 
     def __init__(
-        self, model: RobotModel, task_names: Sequence[str] = (), shown: int = 0, main: bool = False
+        self,
+        model: RobotModel,
+        task_names: Sequence[str] = (),
+        shown: int = 0,
+        main: bool = False,
+        arrows: ArrowMaker | None = None,
     ) -> None:
         """
         Args:
             task_names: of the records' arrays; the first `shown` of them are in the scene.
             main: the scene names a main task before them.
+            arrows: where the scene shows planned forces.
         """
         self.text = ""
+        self._arrows = arrows
         self._model = model
         self._data: Any = model.pin_model.createData()
         self._names, self._shown = tuple(task_names), shown
@@ -251,6 +278,12 @@ class SnapshotMaker:
         """A tick of a run that goes on."""
         pose = np.concatenate((record.object_position, quaternion(record.object_rotation)))
         lead, shown = self._lead, self._shown
+        plan, forces, verdict = record.forces, None, 0
+        if self._arrows is not None and plan is not None:
+            verdict = plan.status
+            forces = self._arrows.of(
+                plan.force, plan.torque_margin, plan.mass, plan.com, plan.wrench, pose[:3]
+            )
         return Snapshot(
             t=record.t,
             bodies=placements(self._model, self._data, record.q),
@@ -265,12 +298,20 @@ class SnapshotMaker:
             eps_m=record.residuals[1],
             error=_largest(record.object_error),
             distance=record.min_distance,
-            status=status_text(int(record.status)),
+            status=status_text(int(record.status), verdict),
             text=self.text,
+            forces=forces,
         )
 
     def of_row(self, rows: Rows, k: int) -> Snapshot:
         """Tick k of a recorded run."""
+        forces, verdict = None, 0
+        if self._arrows is not None and len(rows.force_status):
+            verdict = int(rows.force_status[k])
+            forces = self._arrows.of(
+                rows.contact_force_plan[k], rows.torque_margin[k], float(rows.object_mass[k]),
+                rows.object_com[k], rows.wrench_plan[k], rows.object_pose[k, :3],
+            )  # fmt: skip
         return Snapshot(
             t=float(rows.t[k]),
             bodies=placements(self._model, self._data, rows.q[k]),
@@ -285,8 +326,9 @@ class SnapshotMaker:
             eps_m=float(rows.eps_m[k]),
             error=_largest(rows.object_error[k]),
             distance=float(rows.min_distance[k]),
-            status=status_text(int(rows.status[k])),
+            status=status_text(int(rows.status[k]), verdict),
             text=self.text,
+            forces=forces,
         )
 
 
@@ -295,9 +337,17 @@ def event_text(t: float, task: str, inserted: bool) -> str:
     return f"{t:.2f} s: '{task}' {'back in' if inserted else 'out of'} the stack"
 
 
-def status_text(status: int) -> str:
-    """The bits of a `Status` in words, "" when nothing gave way."""
-    return ", ".join(words for bit, words in _STATUS.items() if status & bit)
+def status_text(status: int, forces: int = 0) -> str:
+    """The bits of a `Status` in words, and forces that could not be planned; "" when all is well.
+
+    Args:
+        forces: index into the members of `ForceStatus`.
+    """
+    words = [words for bit, words in _STATUS.items() if status & bit]
+    verdict = tuple(ForceStatus)[forces]
+    if not verdict.usable:
+        words.append(f"forces: {verdict.value.replace('_', ' ')}")
+    return ", ".join(words)
 
 
 def _largest(error: Array) -> tuple[float, float]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from wbc.arrays import Array, BoolArray
 from wbc.errors import WbcError
+from wbc.view import arrows
 from wbc.view.draw import (
     STATES,
     fixed_commands,
@@ -143,8 +144,19 @@ def _animation(scene: Scene, snapshots: Sequence[Snapshot]) -> bytes:
         values = np.array([c[:3] for c in colors])[by_name[name]]
         track = _track("material.color", "color", times, values, interpolation=_DISCRETE)
         clips.append(_clip(path + "/<object>", [track]))
+    clips += _force_colors(scene, snapshots, times)
     options = {"play": True, "repetitions": math.inf}
     return pack({"type": "set_animation", "path": "", "animations": clips, "options": options})
+
+
+def _force_colors(scene: Scene, snapshots: Sequence[Snapshot], times: Array) -> list[Any]:
+    shown = [arrows.colors(scene, s.forces) for s in snapshots]
+    clips = []
+    for names in shown[0]:
+        values = _held(np.array([colors[names][:3] for colors in shown]))
+        track = _track("material.color", "color", times, values, interpolation=_DISCRETE)
+        clips.append(_clip(node(*names) + "/<object>", [track]))
+    return clips
 
 
 def _clip(path: str, tracks: list[dict[str, Any]]) -> dict[str, Any]:
@@ -165,6 +177,10 @@ def _pose_tracks(times: Array, matrices: Array) -> list[dict[str, Any]]:
         # Where a pose is missing the node is hidden and waits at the last place it had.
         last = np.maximum.accumulate(np.where(known, np.arange(len(known)), int(known.argmax())))
         filled = matrices[last]
+        scale = np.linalg.norm(filled[:, :3, :3], axis=1)
+        if not np.allclose(scale, 1.0, rtol=0.0, atol=1e-9):  # only arrows change their length
+            filled[:, :3, :3] /= scale[:, None, :]
+            tracks.append(_track("scale", "vector", times, scale))
         tracks.append(_track("position", "vector", times, filled[:, :3, 3]))
         tracks.append(_track("quaternion", "quaternion", times, quaternions(filled)))
     return tracks

@@ -74,6 +74,11 @@ def capsule(radius: float, length: float, around: int = 24, rings: int = 6) -> M
     z = radius * np.sin(np.concatenate((angle, -angle[::-1])))
     z[: rings + 1] -= length / 2
     z[rings + 1 :] += length / 2
+    return revolved(r, z, around)
+
+
+def revolved(r: Array, z: Array, around: int) -> Mesh:
+    """The surface that a profile of radii r and heights z, upwards, (k,), sweeps about z."""
     turn = np.linspace(0.0, 2 * np.pi, around, endpoint=False)
     vertices = np.stack(
         (np.outer(r, np.cos(turn)), np.outer(r, np.sin(turn)), np.outer(z, np.ones(around))), 2

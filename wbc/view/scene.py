@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -83,6 +83,8 @@ class Scene:
         planar: looked at from +z with y up, as in a drawing.
         towards: from the center to the eye, of any length, z up in the picture; if not planar.
         floor: height [m] of the grid in space.
+        friction_angles: (N,) half angle of the friction cone of each contact, [rad]; empty where
+            no forces are planned, and none are shown.
     """
 
     title: str
@@ -97,6 +99,7 @@ class Scene:
     center: tuple[float, float, float] = (0.0, 0.0, 0.0)
     towards: tuple[float, float, float] = (0.62, -0.62, 0.48)
     floor: float = 0.0
+    friction_angles: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         seen = set()
@@ -110,6 +113,31 @@ class Scene:
             seen.add((shape.body, shape.name))
         if not (math.isfinite(self.extent) and self.extent > 0.0):
             raise WbcError(f"scene '{self.title}': extent must be positive, got {self.extent}")
+        if len(self.friction_angles) not in (0, len(self.contact_names)):
+            raise WbcError(
+                f"scene '{self.title}': {len(self.friction_angles)} friction angles for "
+                f"{len(self.contact_names)} contacts"
+            )
+
+
+class ForceArrows(NamedTuple):
+    """Planned forces and moments of an instant as lengths in the picture, [m], world axes.
+
+    Attributes:
+        contact: (N, 3) force on the object at each contact; NaN where there is none.
+        limited: (N,) a torque limit of the contact's finger is active.
+        com: (3,) centre of mass, where the weight begins.
+        weight: (6,) force and moment of gravity about the object's origin.
+        resultant: (6,) force and moment that the contacts supply, about the object's origin.
+        origin: (3,) the object's origin.
+    """
+
+    contact: Array
+    limited: BoolArray
+    com: Array
+    weight: Array
+    resultant: Array
+    origin: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +154,7 @@ class Snapshot:
         distance: smallest of the watched pairs, [m]; not finite where none is watched.
         status: what gave way, in words; "" when nothing did.
         text: one line under the panel, e.g. the last stack event.
+        forces: where the scene shows them; None before they are known.
     """
 
     t: float
@@ -143,6 +172,7 @@ class Snapshot:
     distance: float = math.nan
     status: str = ""
     text: str = ""
+    forces: ForceArrows | None = None
 
 
 def pose_matrices(poses: Array) -> Array:
@@ -162,6 +192,19 @@ def pose_matrices(poses: Array) -> Array:
     out[:, :3, 3] = poses[:, :3]
     out[:, 3, 3] = 1.0
     return out
+
+
+def contact_frames(points: Array, normals: Array) -> Array:
+    """(N, 4, 4) frames at the points with z along the normals; NaN where a normal is missing."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        z = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    helper = np.where(np.abs(z[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+    x = np.cross(helper, z)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    frames = np.zeros((len(points), 4, 4))
+    frames[:, :3, 0], frames[:, :3, 1], frames[:, :3, 2] = x, np.cross(z, x), z
+    frames[:, :3, 3], frames[:, 3, 3] = points, 1.0
+    return frames
 
 
 def body_matrices(snapshot: Snapshot) -> Array:

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.view.scene import Scene, Snapshot
+from wbc.view.scene import ForceArrows, Scene, Snapshot
 
 Bytes = NDArray[np.uint8]
 RING = 8
@@ -30,6 +30,7 @@ STATUS_BYTES = 120
 _HEADER_BYTES = 512
 _WORDS_BYTES = 400
 _SCALARS = 8
+_OF_OBJECT = 18  # numbers of `ForceArrows` that are not of a contact
 _TEXT = 32  # where text, status and numbers of a record begin, in bytes
 _STATUS = _TEXT + TEXT_BYTES
 _VALUES = _STATUS + STATUS_BYTES
@@ -48,19 +49,22 @@ def anonymous_file(size: int) -> int:
 
 @dataclass(frozen=True)
 class Layout:
-    """How many bodies, contacts and tasks a record holds."""
+    """How many bodies, contacts and tasks a record holds, and whether it holds forces."""
 
     bodies: int
     contacts: int
     tasks: int
+    forces: bool = False
 
     @classmethod
     def of(cls, scene: Scene) -> Layout:
-        return cls(len(scene.body_names), len(scene.contact_names), len(scene.task_names))
+        bodies, contacts = len(scene.body_names), len(scene.contact_names)
+        return cls(bodies, contacts, len(scene.task_names), bool(scene.friction_angles))
 
     @property
     def doubles(self) -> int:
-        return _SCALARS + 7 + 16 * self.bodies + 7 * self.contacts + 2 * self.tasks
+        forces = 4 * self.contacts + _OF_OBJECT if self.forces else 0
+        return _SCALARS + 7 + 16 * self.bodies + 7 * self.contacts + 2 * self.tasks + forces
 
     @property
     def record_bytes(self) -> int:
@@ -82,13 +86,17 @@ class _Record:
         self.status = lengths[1:], memory[_STATUS:_VALUES]
         values = memory[_VALUES:].view(np.float64)
         nb, nc, nt = layout.bodies, layout.contacts, layout.tasks
-        cuts = np.cumsum((_SCALARS, 7, 3 * nc, 3 * nc, nc, nt, nt))
+        cuts = np.cumsum((_SCALARS, 7, 3 * nc, 3 * nc, nc, nt, nt, 16 * nb))
         parts = np.split(values, cuts)
         self.scalars, self.object_pose = parts[0], parts[1]
         self.points, self.normals = parts[2].reshape(nc, 3), parts[3].reshape(nc, 3)
         self.contact_mode, self.in_stack, self.activation = parts[4], parts[5], parts[6]
         self.poses = parts[7][: 7 * nb].reshape(nb, 7)
         self.matrices = parts[7].reshape(nb, 4, 4)
+        self.forces = None
+        if layout.forces:
+            contact, limited, *of_object = np.split(parts[8], np.cumsum((3 * nc, nc, 3, 6, 6)))
+            self.forces = contact.reshape(nc, 3), limited, *of_object
 
     def fill(self, s: Snapshot) -> None:
         bodies = np.asarray(s.bodies)
@@ -104,11 +112,19 @@ class _Record:
         self.contact_mode[:] = s.contact_mode
         self.in_stack[:] = s.in_stack
         self.activation[:] = s.activation
+        for k, place in enumerate(self.forces or ()):
+            place[...] = np.nan if s.forces is None else s.forces[k]
         _write_text(self.text, s.text)
         _write_text(self.status, s.status)
 
     def checksum(self, number: int) -> int:
         return zlib.crc32(self.content, number & 0xFFFFFFFF)
+
+    def _arrows(self) -> ForceArrows | None:
+        if self.forces is None or np.isnan(self.forces[1]).any():
+            return None
+        contact, limited, *of_object = self.forces
+        return ForceArrows(contact, limited != 0.0, *of_object)
 
     def snapshot(self) -> Snapshot:
         t, phase, eps_f, eps_m, error_p, error_r, distance, as_matrices = self.scalars.tolist()
@@ -128,6 +144,7 @@ class _Record:
             distance=distance,
             status=_read_text(self.status),
             text=_read_text(self.text),
+            forces=self._arrows(),
         )
 
 

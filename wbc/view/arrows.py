@@ -1,0 +1,122 @@
+"""Planned contact forces in the picture, after Figure 2 of the chapter.
+
+At each contact an arrow, the force on the object from the contact point on, and the friction cone
+(2) that it has to stay in; for the object the weight at its centre of mass, and the wrench that
+the contacts supply at its origin. Moments are arrows with two heads.
+
+Every arrow is a mesh of unit length, sent once: its pose also scales it along z.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.arrays import Array
+from wbc.view.meshes import Mesh, revolved
+from wbc.view.scene import ForceArrows, Rgba, Scene, contact_frames
+
+Path = tuple[str, ...]
+"""Names of a node and those above it."""
+
+FORCE: Rgba = (0.05, 0.60, 0.20, 1.0)
+"""Green: every joint of the finger keeps clear of its torque limits."""
+LIMITED: Rgba = (0.98, 0.42, 0.0, 1.0)
+"""Orange: a torque limit of the finger is active."""
+CONE: Rgba = (1.0, 0.87, 0.0, 0.38)
+WEIGHT: Rgba = (0.08, 0.08, 0.10, 1.0)
+RESULTANT: Rgba = (0.85, 0.10, 0.12, 1.0)
+
+_OBJECT: dict[str, tuple[Rgba, bool]] = {
+    "weight": (WEIGHT, False),
+    "weight_moment": (WEIGHT, True),
+    "resultant": (RESULTANT, False),
+    "resultant_moment": (RESULTANT, True),
+}
+_SLANT = 0.03  # of a cone, [m]
+_RADIUS = 0.0016  # of a shaft, [m]
+_SHORTEST = 5e-4  # arrow that is drawn, [m]
+
+
+class Mark(NamedTuple):
+    """What is sent once.
+
+    Attributes:
+        order: what has more is drawn over what has less; all over the solids.
+    """
+
+    mesh: Mesh
+    rgba: Rgba
+    order: int
+
+
+def marks(scene: Scene) -> dict[Path, Mark]:
+    """Cones and arrows of a scene that shows forces; nothing in any other."""
+    if not scene.friction_angles:
+        return {}
+    found: dict[Path, Mark] = {}
+    for name, angle in zip(scene.contact_names, scene.friction_angles, strict=True):
+        found["forces", name, "cone"] = Mark(_cone(angle), CONE, 1)
+        found["forces", name, "force"] = Mark(_arrow(_RADIUS, False), FORCE, 3)
+    for part, (rgba, double) in _OBJECT.items():
+        found["forces", part] = Mark(_arrow(1.5 * _RADIUS, double), rgba, 2)
+    return found
+
+
+def _cone(angle: float) -> Mesh:
+    """Tip at the origin, opening along -z: into the object where z is the outward normal."""
+    radius, depth = _SLANT * math.sin(angle), _SLANT * math.cos(angle)
+    return revolved(np.array([0.0, radius, 0.0]), np.array([-depth, -depth, 0.0]), 40)
+
+
+def _arrow(radius: float, double: bool) -> Mesh:
+    """From the origin to (0, 0, 1), with one head or two."""
+    r, head = radius, 2.8 * radius
+    profile = [(0.0, 0.0), (r, 0.0)]
+    for foot in (0.46, 0.72) if double else (0.72,):
+        profile += [(r, foot), (head, foot), (0.0, foot + 0.28)]
+    radii, heights = np.array(profile).T
+    return revolved(radii, heights, 16)
+
+
+def poses(scene: Scene, arrows: ForceArrows | None, contacts: Array) -> dict[Path, Array]:
+    """(4, 4) pose of each mark, z scaled to an arrow's length; NaN where there is none.
+
+    Args:
+        contacts: (N, 4, 4) frames of the contacts that touch, z outward; NaN for the others.
+    """
+    nothing = np.full((4, 4), np.nan)
+    if arrows is None or not scene.friction_angles:
+        return dict.fromkeys(marks(scene), nothing)
+    found: dict[Path, Array] = {}
+    forces = _along(contacts[:, :3, 3], arrows.contact)
+    for name, touching, force in zip(scene.contact_names, contacts, forces, strict=True):
+        found["forces", name, "cone"] = touching if np.isfinite(force).all() else nothing
+        found["forces", name, "force"] = force
+    origin = arrows.origin
+    starts = np.array([arrows.com, origin, origin, origin])
+    vectors = np.concatenate((arrows.weight, arrows.resultant)).reshape(4, 3)
+    for part, pose in zip(_OBJECT, _along(starts, vectors), strict=True):
+        found["forces", part] = pose
+    return found
+
+
+def _along(points: Array, vectors: Array) -> Array:
+    """(k, 4, 4) from a point along a vector, scaled to its length; NaN for the shortest."""
+    lengths = np.linalg.norm(vectors, axis=1)
+    frames = contact_frames(points, np.where(lengths[:, None] > _SHORTEST, vectors, np.nan))
+    frames[:, :3, 2] *= lengths[:, None]
+    return frames
+
+
+def colors(scene: Scene, arrows: ForceArrows | None) -> dict[Path, Rgba]:
+    """Colour of each contact's arrow."""
+    if not scene.friction_angles:
+        return {}
+    limited = arrows.limited if arrows is not None else [False] * len(scene.contact_names)
+    return {
+        ("forces", name, "force"): LIMITED if tight else FORCE
+        for name, tight in zip(scene.contact_names, limited, strict=True)
+    }
