@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from wbc.arrays import Array
 from wbc.control.phases import ExitCondition, Phase
 from wbc.control.state import ForceRecord, Status, TickRecord
 from wbc.recording import Log, Recorder, RunMeta
 from wbc.rotations import exp_so3
 from wbc.stack.limits import NOT_LIMITED
 from wbc.stack.supervisor import StackEvent
+from wbc.view.scene import ForceArrows
 
 DT = 0.01
 META = RunMeta(
@@ -113,6 +115,15 @@ def planned(k: int) -> ForceRecord:
         iterations=7 if k == 0 else 1,
         phi=2.0 * press,
         sum_normal=press + other,
+    )
+
+
+def arrows(push: Array) -> ForceArrows:
+    """Contact 1 pushes with `push`, contact 2 not at all; the object's weight is along -y."""
+    weight = np.array([0.0, -0.3, 0.0, 0.0, 0.0, 0.0])
+    contact = np.stack((push, np.full(3, np.nan)))
+    return ForceArrows(
+        contact, np.array([False, True]), np.array([0.0, 0.1, 0.0]), weight, -weight, np.zeros(3)
     )
 
 

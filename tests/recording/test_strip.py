@@ -16,7 +16,7 @@ from wbc.recording.strip import draw_strip, moments
 from wbc.rotations import exp_so3
 from wbc.view import ObjectShape, Scene, SceneShape, Snapshot, extrude
 
-from .runs import META, recorded
+from .runs import META, arrows, recorded
 
 BLUE, GREEN, ORANGE = "#2040C0", "#20A040", "#F2AD3D"
 SQUARE = np.array([(-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)])
@@ -265,3 +265,13 @@ def test_poses_as_matrices_or_quaternions() -> None:
     got = matrices(np.array([1.0, 2.0, 3.0, 0.0, 0.0, 2 * half, 2 * half]))
     np.testing.assert_allclose(got[0], turned((0, 0, np.pi / 2), (1, 2, 3)), atol=1e-15)
     np.testing.assert_array_equal(matrices(got), got)
+
+
+@pytest.mark.parametrize("planar", [True, False])
+def test_planned_forces_stand_at_their_contacts(tmp_path: Path, planar: bool) -> None:
+    forces = arrows(np.array([0.5, 0.0, 0.0]))
+    shot = replace(snapshot(0.0), forces=forces)
+    path = draw_strip(
+        replace(scene(planar), friction_angles=(0.5, 0.5)), [shot], tmp_path / "strip.png"
+    )
+    assert place(path, BLUE)[0] < place(path, "#0D9933")[0] < place(path, GREEN)[0]

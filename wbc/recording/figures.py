@@ -24,6 +24,7 @@ COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#6A
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2)))
 GREY = "#777777"
 WARNING = "#B2182B"
+FORBIDDEN = "#FFF3B0"
 
 _BANDS = ("#F1F4F8", "#FFFFFF")
 _STYLE: Any = {
@@ -149,3 +150,13 @@ def threshold(axes: Axes, value: float | None, label: str) -> None:
         label, (1.0, value), xycoords=axes.get_yaxis_transform(), xytext=(-3, 2),
         textcoords="offset points", ha="right", va="bottom", fontsize=7.0, color=WARNING,
     )  # fmt: skip
+
+
+def forbid_negative(axes: Axes) -> None:
+    """Zero in the picture, and yellow what is below it."""
+    low, high = axes.get_ylim()
+    span = max(high, 0.0) - min(low, 0.0) or 1.0
+    bottom = min(low, -0.06 * span)
+    axes.set_ylim(bottom, max(high, 0.06 * span))
+    axes.axhspan(bottom, 0.0, color=FORBIDDEN, linewidth=0, zorder=-0.5)
+    axes.axhline(0.0, color=GREY, linewidth=0.7)

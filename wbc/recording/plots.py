@@ -28,6 +28,7 @@ from wbc.recording.figures import (
     threshold,
     time_axis,
 )
+from wbc.recording.force_plots import forces
 from wbc.recording.log import Log
 from wbc.recording.summary import CONVERGED, velocity_steps
 
@@ -40,7 +41,8 @@ def plot(log: Log, out_dir: str | os.PathLike[str]) -> list[Path]:
     """Draw every plot of a run as PNG into a folder, which is made if it is missing.
 
     Returns:
-        The files: ``object_error``, ``residuals``, ``tasks``, ``stack``, ``motion``, ``safety``.
+        The files: ``object_error``, ``residuals``, ``tasks``, ``stack``, ``motion``, ``safety``,
+        and where contact forces were planned ``forces``.
 
     Raises:
         WbcError: nothing was recorded, or a file cannot be written.
@@ -55,6 +57,8 @@ def plot(log: Log, out_dir: str | os.PathLike[str]) -> list[Path]:
         "motion": motion,
         "safety": safety,
     }
+    if log.plans_forces:
+        figures["forces"] = forces
     files = []
     with style(), np.errstate(all="ignore"):  # a run that went wrong is still drawn
         for name, draw in figures.items():

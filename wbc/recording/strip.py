@@ -20,6 +20,7 @@ from matplotlib.patheffects import withStroke
 from wbc.arrays import Array, IntArray
 from wbc.errors import WbcError
 from wbc.recording.figures import panels, save, style
+from wbc.recording.force_marks import Arrows, draw_forces
 from wbc.recording.log import Log
 from wbc.recording.raycast import Picture
 from wbc.recording.silhouette import View, matrices, outline
@@ -90,6 +91,8 @@ class Stage(Protocol):
     def extent(self) -> float: ...
     @property
     def towards(self) -> tuple[float, float, float]: ...
+    @property
+    def friction_angles(self) -> tuple[float, ...]: ...
 
 
 class Instant(Protocol):
@@ -109,6 +112,8 @@ class Instant(Protocol):
     def contact_mode(self) -> IntArray: ...
     @property
     def phase(self) -> int: ...
+    @property
+    def forces(self) -> Arrows | None: ...
 
 
 def moments(log: Log, count: int = 5) -> IntArray:
@@ -168,6 +173,9 @@ def draw_strip(stage: Stage, instants: Sequence[Instant], path: str | os.PathLik
             else:
                 _shade(axes, stage, instant, view, (low, high), round(_PIXELS / columns))
                 _mark_contacts(axes, stage, instant, view)
+            if instant.forces is not None and stage.friction_angles:
+                points, normals = instant.contact_points, instant.contact_normals
+                draw_forces(axes, instant.forces, points, normals, stage.friction_angles, view)
         for axes in axes_list:
             axes.set_axis_off()
         return save(figure, Path(path))
@@ -269,6 +277,8 @@ def _shade(
 
 def _mark_contacts(axes: Axes, stage: Stage, instant: Instant, view: View) -> None:
     """As on the page: dot and outward normal in the colour of the contact's state."""
+    if stage.friction_angles:
+        return  # forces and cones say more, and there is no room for both
     for point, normal, mode in zip(
         instant.contact_points, instant.contact_normals, instant.contact_mode, strict=True
     ):
