@@ -1,0 +1,197 @@
+"""Primal-dual path following for linear costs over the same constraints: structured, certified.
+
+One kernel answers three questions, inside coordinates as in `wbc.forces.newton`:
+
+    minimise fᵀu + p   on   G u + g p = h,
+    u_i + e_i p ẑ in its cone,   ± (τ − limit) + a p ≥ 0,   p ≥ low:
+
+least Σ c_z (f its normals, no p); the largest common margin −p of all constraints, whose sign is
+the verdict on feasibility (phase I); and the largest load factor, 1/p. Nesterov-Todd scaling with
+Mehrotra's predictor and corrector. An iteration factors one block a finger (`wbc.forces.arrow`), in
+coordinates W⁻¹u, where the cones' part of the matrix is the identity: formed in u it would lose all
+digits as the gap closes.
+
+Because u itself is what must lie in the cones, any multipliers ν of the balance and z of the torque
+bounds give cone multipliers Z = f + Gᵀν − J(z₀ − z₁) that are exactly stationary. Where Z lies in
+the cones, duality bounds the optimum, and ν and z are the certificate.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.arrays import Array, IntArray
+from wbc.compiled import kernel
+from wbc.forces.arrow import add, add_product, dot, largest, room_for, solve, transposed, unbalanced
+from wbc.forces.blocks import HandJacobian
+from wbc.forces.cones import side, times
+from wbc.forces.interior import (
+    SIGN,
+    Point,
+    Question,
+    Scaling,
+    direction,
+    factored,
+    first_multipliers,
+    gap_after,
+    lengths,
+    new_point,
+    opening,
+    slacks,
+)
+from wbc.forces.newton import Constraints
+
+OPTIMAL, POSITIVE, NEGATIVE, STALLED = 0, 1, 2, 3
+
+_STEP = 0.99  # of the way to the boundary
+# Multipliers that miss a cone by ε prove that no forces balance unless they are 1/ε times larger
+# than what the multipliers gain; forces a million times the wrench are none.
+_MOST_FORCE = 1e6
+
+
+@kernel
+def certificate(
+    given: Constraints, f: Array, nu: Array, zb: Array, cones: Array
+) -> tuple[float, float]:
+    """The bound that multipliers prove on fᵀu without p, and the smallest margin of their Z.
+
+    Args:
+        nu: (6,) or longer, zb: (2, l'), 0 where there is no limit; cones: (M,) filled with Z.
+    """
+    value, contact = 0.0, given.shape.contact
+    for k in range(6):
+        value -= nu[k] * given.h[k]
+    pull = np.empty(zb.shape[1])
+    for j in range(len(pull)):
+        pull[j] = zb[1, j] - zb[0, j]
+        for k in range(2):
+            if zb[k, j] > 0.0:
+                value -= zb[k, j] * SIGN[k] * (given.tau_e[j] - given.limit[k, j])
+    for i in range(len(f)):
+        cones[i] = f[i]
+        for k in range(6):
+            cones[i] += given.gt[i, k] * nu[k]
+    add_product(given.shape, given.jacobian, pull, cones)
+    least = np.inf
+    for i in range(len(contact) - 1):
+        least = min(least, cones[contact[i] + 2] - side(cones, contact[i], contact[i + 1]))
+    return value, least
+
+
+@kernel
+def _rebalance(given: Constraints, ask: Question, at: Point, by: Scaling, ry: Array) -> None:
+    """Move u to balance, by the shortest way in the present scaling."""
+    shape, step = given.shape, new_point(len(at.u), at.sb.shape[1], len(by.nu_p))
+    solve(shape, by.matrix, np.zeros(len(at.u)), -ry, step.u, step.nu)
+    for i in range(len(by.eta)):
+        times(by.w, by.eta[i], step.u, shape.contact[i], shape.contact[i + 1], False, step.u)
+    transposed(shape, given.jacobian, step.u, step.sb[0])
+    add(-1.0, step.sb[0], step.sb[1])
+    add(1.0, step.u, step.s)
+    add(min(1.0, _STEP * lengths(shape.contact, ask, at, step)[0]), step.u, at.u)
+
+
+@kernel
+def _bound(
+    contact: IntArray, ask: Question, at: Point, dual: Array, bound: float, least: float
+) -> float:
+    """The bound on the optimum that the multipliers prove, p and what they miss included."""
+    if not ask.with_p:  # towards ν = 0 and z = 0, where Z = f is inside by 1
+        return bound / (1.0 - min(least, 0.0))
+    room = 1.0 + dot(ask.g, at.nu) - opening(contact, ask, dual, at.zb)
+    forces = 0.0
+    for i in range(len(contact) - 1):
+        forces += abs(at.u[contact[i] + 2])
+    missed = forces * max(-least, 0.0) + abs(at.p[0]) * max(-room, 0.0)
+    return float(bound + max(room, 0.0) * ask.low - 10.0 * missed)  # for forces ten times larger
+
+
+@kernel
+def conic(
+    given: Constraints, ask: Question, tolerance: float, most: int, u: Array, p: float
+) -> tuple[int, int, float, float]:
+    """Answer a question from u and p that satisfy every inequality strictly; u is replaced.
+
+    Args:
+        tolerance: of the gap, relative to the value; balance is a thousand times finer.
+        most: iterations.
+
+    Returns:
+        OPTIMAL, POSITIVE or NEGATIVE (if only the sign is asked: p certainly above 0; p below 0
+        and at least half as far as it can be) or STALLED; iterations; p; the best bound proven on
+        the optimum.
+    """
+    shape, m, l_joints = given.shape, len(u), len(given.tau_e)
+    contact, own, shared = shape.contact, given.jacobian.own, given.jacobian.shared
+    few, n = 6 + shared.shape[0], len(contact) - 1
+    at, step = new_point(m, l_joints, few), new_point(m, l_joints, few)
+    by = Scaling(
+        np.empty(m), np.empty(n), np.empty(m),
+        HandJacobian(np.empty(len(own)), np.empty((shared.shape[0], m))),
+        room_for(shape, shared.shape[0]), np.zeros(m), np.zeros(m), np.zeros(few), np.zeros(1),
+    )  # fmt: skip
+    add(1.0, u, at.u)
+    at.p[0] = p if ask.with_p else 0.0
+    tau, dual, rx, ry = np.empty(l_joints), np.empty(m), np.empty(m), np.empty(6)
+    size, degree, best, stationary = max(largest(given.h), 1e-300), n, -np.inf, False
+    for k in range(2):
+        for j in range(l_joints):
+            degree += int(ask.a[k, j] >= 0.0)
+    degree += int(ask.with_p)
+    code, used = STALLED, most
+    for iteration in range(most):
+        slacks(given, ask, at, tau)
+        if iteration == 0:
+            first_multipliers(contact, ask, at)
+        unbalanced(given.gt, at.u, given.h, ry)
+        add(at.p[0], ask.g, ry)
+        bound, least = certificate(given, ask.f, at.nu, at.zb, dual)
+        off = 0.0
+        for k in range(m):
+            rx[k] = dual[k] - at.z[k]
+            off = max(off, abs(rx[k]))
+        if stationary or (least > 0.0 and off <= 1e-6 * largest(at.z)):
+            stationary = True  # from now on exactly
+            at.z[:] = dual
+            rx[:] = 0.0
+        best = max(best, _bound(contact, ask, at, dual, bound, least))
+        gap, value, p = gap_after(at, step, 0.0, 0.0), dot(ask.f, at.u) + at.p[0], at.p[0]
+        rp = 1.0 - at.p[2] + dot(ask.g, at.nu) - opening(contact, ask, at.z, at.zb)
+        balanced = largest(ry) <= 1e-3 * tolerance * size
+        closed = value - best <= tolerance * max(abs(value), 1e-6) and largest(ry) <= 1e-4 * size
+        used = iteration
+        if closed and balanced:
+            code = OPTIMAL
+            break
+        if ask.sign_of_p and bound > max(-least, 0.0) * _MOST_FORCE * size:
+            code, best = POSITIVE, bound
+            break
+        if ask.sign_of_p and balanced and p < 0.0 and (p <= 0.5 * ask.low or gap <= -p):
+            code = NEGATIVE
+            break
+        if not factored(given, ask, at, by):
+            break
+        if closed:  # all that is left is balance
+            _rebalance(given, ask, at, by, ry)
+            continue
+        direction(given, ask, at, by, rx, ry, rp, 0.0, 0.0, 0.0, stationary, step)
+        step_s, step_z = lengths(contact, ask, at, step)
+        step_s, step_z = min(1.0, step_s), min(1.0, step_z)
+        sigma = min(max((gap_after(at, step, step_s, step_z) / gap) ** 3, 1e-8), 1.0)
+        weight = min(step_s, step_z)  # a short step tells little of the curvature
+        direction(
+            given, ask, at, by, rx, ry, rp, sigma, sigma * gap / degree, weight, stationary, step
+        )
+        step_s, step_z = lengths(contact, ask, at, step)
+        step_s, step_z = min(1.0, _STEP * step_s), min(1.0, _STEP * step_z)
+        if not max(step_s, step_z) > 1e-9:
+            break
+        add(step_s, step.u, at.u)
+        at.p[0] += step_s * step.p[0]
+        add(step_z, step.z, at.z)
+        add(step_z, step.zb[0], at.zb[0])
+        add(step_z, step.zb[1], at.zb[1])
+        add(step_z, step.nu, at.nu)
+        at.p[2] += step_z * step.p[2]
+    u[:] = at.u
+    return code, used, at.p[0], best
