@@ -111,9 +111,10 @@ def unpacked(
 
 
 @kernel
-def take_jacobian(layout: IntArray, jacobian: Array, own: Array, shared: Array) -> bool:
-    """Fill own and shared (n_a, M) from J (M, l); False where J has an entry beside them."""
+def take_jacobian(layout: IntArray, jacobian: Array, into: HandJacobian) -> bool:
+    """Fill the blocks from J (M, l); False where J has an entry beside them."""
     own_at, shared_at, limited = entries_of(layout)
+    own, shared = into
     flat = jacobian.reshape(jacobian.size)
     found, size = 0, shared.shape[1]
     for k in range(len(own)):
@@ -188,3 +189,18 @@ def margins(
         cone_margin[order[i]] = margin
         room = min(room, margin / u[first + 2] if u[first + 2] > 0.0 else margin)
     return room
+
+
+@kernel
+def imbalance(given: Constraints, u: Array) -> float:
+    """|G u − h| over the largest of |h| and |G_i u_i|, entries of components."""
+    error, size = 0.0, 1e-300
+    for k in range(6):
+        rest = -given.h[k]
+        size = max(size, abs(rest))
+        for i in range(len(u)):
+            term = given.gt[i, k] * u[i]
+            rest += term
+            size = max(size, abs(term))
+        error = max(error, abs(rest))
+    return error / size

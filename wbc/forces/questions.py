@@ -14,6 +14,8 @@ from wbc.forces.newton import Constraints
 
 UNRANKED = 4
 """rank G < 6."""
+POINT, FRICTION, LEAST, LOAD = range(4)
+"""What may be wanted, see `settle`."""
 
 _RANK = 1e-13
 _MOST = 50
@@ -64,23 +66,15 @@ def least_squares(gt: Array, h: Array, u: Array) -> bool:
 
 
 @kernel
-def phase_one(
-    given: Constraints, rest: float, tolerance: float, u: Array
-) -> tuple[int, int, float]:
-    """A point strictly inside all constraints on G u = h, or the proof that there is none.
+def margin_question(given: Constraints, rest: float, u: Array) -> tuple[Question, float]:
+    """Phase I: the largest t with every cone margin ≥ t F, every torque margin ≥ t half its range.
 
-    The largest t with every cone margin ≥ t F and every torque margin ≥ t of half its range, F the
-    force of `first_point`.
-
-    Returns:
-        NEGATIVE (u is such a point, with at least half the largest t up to 1/2), POSITIVE (proven
-        infeasible), UNRANKED, OPTIMAL or STALLED (t is 0 to the tolerance); iterations; t.
+    F is the force of `first_point`. From u = G⁺ h; p = −t.
     """
     contact, l_joints = given.shape.contact, len(given.tau_e)
     n, tau, a = len(contact) - 1, np.empty(l_joints), np.full((2, l_joints), -1.0)
     force = max(first_point(given, rest, u), 1e-3 * largest(given.h))
-    if not least_squares(given.gt, given.h, u):
-        return UNRANKED, 0, 0.0
+    least_squares(given.gt, given.h, u)
     transposed(given.shape, given.jacobian, u, tau)
     p = 0.0
     for i in range(n):
@@ -92,79 +86,85 @@ def phase_one(
             a[0, j] = a[1, j] = half
             t = tau[j] + given.tau_e[j]
             p = max(p, max(low - t, t - high) / half)
-    ask = Question(np.zeros(len(u)), np.full(n, force), a, np.zeros(6), -1.0, True, True)
-    code, used, p, _ = conic(given, ask, tolerance, _MOST, u, p + 1.0)
-    return code, used, -p
+    f, e, g = np.zeros(len(u)), np.full(n, force), np.zeros(6)
+    return Question(f, e, a, g, -1.0, True, True), p + 1.0
 
 
 @kernel
-def least_forces(
-    given: Constraints, rest: float, tolerance: float, u: Array
-) -> tuple[int, int, float]:
-    """The exact optimum min Σ c_z on the same constraints, a second-order-cone program.
-
-    Returns:
-        OPTIMAL, or what `phase_one` says; iterations; a certified lower bound of Σ c_z.
-    """
+def least_question(given: Constraints) -> Question:
+    """min Σ c_z."""
     contact, l_joints = given.shape.contact, len(given.tau_e)
-    n, a, f = len(contact) - 1, np.zeros((2, l_joints)), np.zeros(len(u))
+    n, a, f = len(contact) - 1, np.full((2, l_joints), -1.0), np.zeros(len(given.gt))
     for i in range(n):
         f[contact[i] + 2] = 1.0
-    inside = True
     for j in range(l_joints):
         if np.isfinite(given.limit[0, j]):
-            inside &= given.limit[0, j] < given.tau_e[j] < given.limit[1, j]
-        else:
-            a[0, j] = a[1, j] = -1.0
-    ask = Question(f, np.zeros(n), a, np.zeros(6), 0.0, False, False)
-    used, most = 0, 16
-    for attempt in range(2):
-        if attempt == 0 and inside:
-            first_point(given, rest, u)
-        else:
-            code, more, _ = phase_one(given, rest, tolerance, u)
-            used += more
-            if code != NEGATIVE:
-                return code, used, -np.inf
-            most = _MOST
-        code, more, _, bound = conic(given, ask, tolerance, most, u, 0.0)
-        used += more
-        if code == OPTIMAL:
-            break
-    return code, used, bound
+            a[0, j] = a[1, j] = 0.0
+    return Question(f, np.zeros(n), a, np.zeros(6), 0.0, False, False)
 
 
 @kernel
-def most_load(given: Constraints, rest: float, tolerance: float, u: Array) -> float:
-    """The largest λ with G c = λ h_e inside all limits; NaN where τ_e alone breaks one.
+def load_question(given: Constraints, u: Array) -> tuple[Question, float]:
+    """The largest load factor λ, from u inside the cones: p = 1/λ.
 
-    In u/λ the torque limits open with 1/λ, which is minimised from a point inside the cones.
+    In u/λ the torque limits open with 1/λ, and nothing else changes. The start p is NaN where τ_e
+    alone breaks a limit, and 0 where no limit binds.
     """
     l_joints = len(given.tau_e)
-    tau, a, none = np.zeros(l_joints), np.full((2, l_joints), -1.0), np.full((2, l_joints), np.inf)
-    if largest(given.h) == 0.0:
-        return np.inf
+    tau, a, p = np.empty(l_joints), np.full((2, l_joints), -1.0), 0.0
+    transposed(given.shape, given.jacobian, u, tau)
     for j in range(l_joints):
-        none[0, j] = -np.inf
         if np.isfinite(given.limit[0, j]):
             a[0, j] = given.tau_e[j] - given.limit[0, j]
             a[1, j] = given.limit[1, j] - given.tau_e[j]
             if not (a[0, j] > 0.0 and a[1, j] > 0.0):
-                return np.nan
-    free = Constraints(given.shape, given.jacobian, given.gt, tau, none, given.h)
-    code, _, _ = phase_one(free, rest, tolerance, u)
-    if code != NEGATIVE:
-        return 0.0
-    transposed(given.shape, given.jacobian, u, tau)
-    p = 0.0
-    for j in range(l_joints):
-        if a[0, j] > 0.0:
-            p = max(p, max(-tau[j] / a[0, j], tau[j] / a[1, j]))
-        tau[j] = none[0, j] = none[1, j] = 0.0
-    if p == 0.0:
-        return np.inf
+                p = np.nan
+            p = max(p, max(-tau[j] / a[0, j], tau[j] / a[1, j])) if p == p else p
     ask = Question(
         np.zeros(len(u)), np.zeros(len(given.shape.contact) - 1), a, np.zeros(6), 0.0, True, False
     )
-    _, _, p, _ = conic(free, ask, tolerance, _MOST, u, 2.0 * p)
-    return 1.0 / p if p > 1e-9 else np.inf
+    return ask, 2.0 * p
+
+
+@kernel
+def settle(
+    given: Constraints, want: int, rest: float, tolerance: float, u: Array
+) -> tuple[int, int, float]:
+    """Answer what is wanted by the conic method; u is filled.
+
+    Args:
+        want: POINT, strictly inside all constraints on G u = h; FRICTION, the same without torque
+            limits; LEAST, the exact optimum min Σ c_z; LOAD, the largest load factor.
+        rest: the force to start with where nothing asks for one, [N].
+
+    Returns:
+        NEGATIVE (POINT, FRICTION: u is such a point, with at least half the largest margin),
+        OPTIMAL (LEAST, LOAD), POSITIVE (proven infeasible; LOAD: by friction), UNRANKED or
+        STALLED; iterations; the margin t, a certified lower bound of Σ c_z, or the load factor.
+    """
+    l_joints = len(given.tau_e)
+    if not least_squares(given.gt, given.h, u):
+        return UNRANKED, 0, 0.0
+    now, most = given, int(_MOST)
+    if want in (FRICTION, LOAD):
+        none = np.full((2, l_joints), np.inf)
+        none[0] = -np.inf
+        now = Constraints(given.shape, given.jacobian, given.gt, np.zeros(l_joints), none, given.h)
+    ask, p = margin_question(now, rest, u)
+    code, used, p, _ = conic(now, ask, tolerance, most, u, p)
+    if code != NEGATIVE or want in (POINT, FRICTION):
+        return code, used, -p
+    if want == LEAST:
+        ask, p = least_question(given), 0.0
+    else:
+        ask, p = load_question(given, u)
+        if not p > 0.0:
+            return OPTIMAL, used, np.inf if p == 0.0 else np.nan
+        now = Constraints(
+            given.shape, given.jacobian, given.gt, now.tau_e, np.zeros((2, l_joints)), given.h
+        )
+    code, more, p, bound = conic(now, ask, tolerance, most, u, p)
+    used += more
+    if want == LOAD:
+        bound = 1.0 / p if p > 1e-9 else np.inf
+    return code, used, bound

@@ -9,11 +9,11 @@ import numpy as np
 from wbc.arrays import Array, BoolArray, IntArray
 from wbc.compiled import kernel
 from wbc.forces.arrow import add, transposed
-from wbc.forces.blocks import HandJacobian, find_blocks
+from wbc.forces.blocks import HandJacobian, find_blocks, pattern
 from wbc.forces.conic import NEGATIVE, POSITIVE
 from wbc.forces.inside import (
     REST,
-    entries_of,
+    imbalance,
     margins,
     orders_of,
     pack,
@@ -21,24 +21,25 @@ from wbc.forces.inside import (
     take_jacobian,
     unpacked,
 )
-from wbc.forces.newton import CONVERGED, Barrier, Constraints, newton, value_at
+from wbc.forces.newton import CONVERGED, OUTSIDE, Barrier, Constraints, newton, value_at
 from wbc.forces.problem import GraspForceProblem
-from wbc.forces.questions import UNRANKED, least_forces, most_load, phase_one
+from wbc.forces.questions import FRICTION, LEAST, LOAD, POINT, UNRANKED, settle
 from wbc.forces.solution import ForceStatus
 
 # what `_answer` and its callers return
 _SOLVED, _INFEASIBLE, _UNRANKED, _NOT_FINITE, _BESIDE, _UNDECIDED = range(6)
-# what `least_forces` says, in those terms: optimal, positive, negative, stalled, unranked
-_CODES = (_SOLVED, _INFEASIBLE, _UNDECIDED, _UNDECIDED, _UNRANKED)
-# what is asked
-_PLAN, _EXACT, _FRICTION, _LOAD = range(4)
+# what `settle` says, in those terms: optimal, positive, negative, stalled, unranked
+_CODES = (_SOLVED, _INFEASIBLE, _SOLVED, _UNDECIDED, _UNRANKED)
+OPTIMUM = 10
+"""Beside what `settle` may be asked."""
 
 _WARM, _MOST = 25, 100
 _TOLERANCE = 1e-7  # of Φ, and of the exact optimum, relative
 _SCALARS = 5
+_COARSE = 1e-6  # of the load factor, relative
 _VERDICT = 1e-8  # of the margin that decides feasibility
 _ROOM = 1e-3
-_NO_START = np.empty(0)
+_NO_START, _NO_J = np.empty(0), np.empty((0, 0))
 _STATUS = {
     _UNRANKED: ForceStatus.RANK_DEFICIENT,
     _NOT_FINITE: ForceStatus.INVALID_INPUT,
@@ -66,120 +67,74 @@ def _optimum(
     given: Constraints, barrier: Barrier, rest: float, warm: bool, u: Array, tau: Array
 ) -> tuple[int, int]:
     """The optimum of Φ: from u if warm; else, or if that fails, from a point of phase I."""
-    used = 0
-    if warm:
-        code, used = newton(given, barrier, _TOLERANCE, _WARM, u, tau)
+    code, used, most = OUTSIDE, 0, int(_WARM)
+    for attempt in range(2):
+        if attempt == 1:
+            code, more, room = settle(given, POINT, rest, _VERDICT, u)
+            used, most = used + more, int(_MOST)
+            if code != NEGATIVE:
+                infeasible = code == POSITIVE or (code != UNRANKED and room < 0.0)
+                return _INFEASIBLE if infeasible else _CODES[code], used
+        elif not warm:
+            continue
+        code, more = newton(given, barrier, _TOLERANCE, most, u, tau)
+        used += more
         if code == CONVERGED:
             return _SOLVED, used
-    code, more, room = phase_one(given, rest, _VERDICT, u)
-    used += more
-    if code == UNRANKED:
-        return _UNRANKED, used
-    if code != NEGATIVE:
-        return (_INFEASIBLE if code == POSITIVE or room < 0.0 else _UNDECIDED), used
-    code, more = newton(given, barrier, _TOLERANCE, _MOST, u, tau)
-    return (_SOLVED if code == CONVERGED else _UNDECIDED), used + more
+    return _UNDECIDED, used
 
 
 @kernel
-def _answer(
-    layout: IntArray, fixed: Array, grasp: Array, own: Array, shared: Array, tau_e: Array,
-    h_e: Array, start: Array, question: int, out: Array,
+def answer(
+    layout: IntArray, fixed: Array, grasp: Array, jacobian: Array, own: Array, shared: Array,
+    tau_e: Array, h_e: Array, start: Array, question: int, out: Array,
 ) -> tuple[int, int]:  # fmt: skip
-    """Answer a question from start (empty: cold); own and shared are scaled in place.
+    """Answer a question from start (empty: cold), everything in the problem's order.
 
     Args:
-        out: filled with c (M,), margins of cones (n,), margins of torques and τ of the joints with
-            limits (l,) each, Φ, Σ c_z, the balance error, the smallest margin as a share of c_z or
-            of half a torque range, and a bound on Σ c_z (or the load factor).
+        jacobian: (M, l), or (0, 0) where own and shared, as in `HandJacobian`, are given.
+        question: OPTIMUM of Φ, or what `settle` may be asked.
+        out: filled with c (M,), margins of cones (n,), margins of torques and τ (l,) each, Φ,
+            Σ c_z, the balance error, the smallest margin as a share of c_z or of half a torque
+            range, and the bound or factor that `settle` returns.
 
     Returns:
         Code and iterations.
     """
+    out[:] = 0.0
     given, barrier, scale = unpacked(layout, fixed, own, shared)
     rows, _, joints = orders_of(layout)
-    contact, tau_in = given.shape.contact, given.tau_e
-    m, n, l_joints = len(rows), len(contact) - 1, len(tau_e)
-    u, tau, rest, bound = np.zeros(m), np.zeros(len(joints)), fixed[REST], np.nan
-    out[:] = 0.0
+    m, n, l_joints = len(rows), len(given.shape.contact) - 1, len(tau_e)
+    if jacobian.size > 0 and not take_jacobian(layout, jacobian, given.jacobian):
+        return _BESIDE, 0
     if not take(layout, fixed, grasp, tau_e, h_e, given):
         return _NOT_FINITE, 0
-    code, used = _SOLVED, 0
-    if question == _LOAD:
-        out[-1] = most_load(given, rest, _TOLERANCE, u)
-        return code, used
-    if question == _EXACT:
-        code, used, bound = least_forces(given, rest, _TOLERANCE, u)
-        code = _CODES[code]
-    elif question == _FRICTION:
-        for j in range(len(joints)):
-            given.limit[0, j], given.limit[1, j] = -np.inf, np.inf
-        code, used, _ = phase_one(given, rest, _VERDICT, u)
-        return code, used
-    else:
+    u, tau, bound, rest = np.zeros(m), np.zeros(len(joints)), np.nan, fixed[REST]
+    if question == OPTIMUM:
         for k in range(m if len(start) == m else 0):
             u[k] = start[rows[k]] / scale[k]
         code, used = _optimum(given, barrier, rest, len(start) == m, u, tau)
+    else:
+        tolerance = _COARSE if question == LOAD else _TOLERANCE
+        code, used, bound = settle(given, question, rest, tolerance, u)
+        code = _CODES[code]
     for k in range(m):
         out[rows[k]] = u[k] * scale[k]
     transposed(given.shape, given.jacobian, u, tau)
-    add(1.0, tau_in, tau)
-    room = margins(layout, given, u, tau, out[m : m + n], out[m + n : m + n + l_joints])
-    for j in range(len(joints)):
-        out[m + n + l_joints + joints[j]] = tau[j]
-    out[-5], out[-3], out[-2], out[-1] = (
-        value_at(given, barrier, u, tau), _imbalance(given, u), room, bound
-    )  # fmt: skip
+    add(1.0, given.tau_e, tau)
+    a = m + n + l_joints
+    room = margins(layout, given, u, tau, out[m : m + n], out[m + n : a])
+    for j in range(l_joints):
+        out[a + j] = tau_e[j]
+        for i in range(jacobian.shape[0]):
+            out[a + j] += jacobian[i, j] * out[i]
+    for j in range(len(joints) if jacobian.size == 0 else 0):
+        out[a + joints[j]] = tau[j]
+    out[-5], out[-3] = value_at(given, barrier, u, tau), imbalance(given, u)
+    out[-2], out[-1] = room, bound
     for i in range(n):
-        out[-4] += u[contact[i] + 2]
+        out[-4] += u[given.shape.contact[i] + 2]
     return code, used
-
-
-@kernel
-def _imbalance(given: Constraints, u: Array) -> float:
-    """|G u − h| over the largest of |h| and |G_i u_i|, entries of components."""
-    error, size = 0.0, 1e-300
-    for k in range(6):
-        rest = -given.h[k]
-        size = max(size, abs(rest))
-        for i in range(len(u)):
-            term = given.gt[i, k] * u[i]
-            rest += term
-            size = max(size, abs(term))
-        error = max(error, abs(rest))
-    return error / size
-
-
-@kernel
-def answer_dense(
-    layout: IntArray, fixed: Array, grasp: Array, jacobian: Array, tau_e: Array, h_e: Array,
-    start: Array, question: int, out: Array,
-) -> tuple[int, int]:  # fmt: skip
-    """`_answer` with J as (M, l)."""
-    own_at, shared_at, _ = entries_of(layout)
-    m = jacobian.shape[0]
-    own, shared = np.empty(len(own_at)), np.empty((len(shared_at) // m, m))
-    if not take_jacobian(layout, jacobian, own, shared):
-        return _BESIDE, 0
-    code, used = _answer(layout, fixed, grasp, own, shared, tau_e, h_e, start, question, out)
-    l_joints = len(tau_e)
-    tau = out[len(out) - _SCALARS - l_joints : len(out) - _SCALARS]
-    tau[:] = tau_e  # also of joints without limits
-    for i in range(m):
-        for j in range(l_joints):
-            tau[j] += jacobian[i, j] * out[i]
-    return code, used
-
-
-@kernel
-def answer_blocks(
-    layout: IntArray, fixed: Array, grasp: Array, own: Array, shared: Array, tau_e: Array,
-    h_e: Array, start: Array, question: int, out: Array,
-) -> tuple[int, int]:  # fmt: skip
-    """`_answer` with J in the form of `HandJacobian`."""
-    return _answer(
-        layout, fixed, grasp, own.copy(), shared.copy(), tau_e, h_e, start, question, out
-    )
 
 
 @final
@@ -202,9 +157,7 @@ class ForceSolver:
         self.problem, self.margin = problem, margin
         if moves is None:
             moves = np.logical_or.reduceat(problem.J != 0.0, problem.first, axis=0).T
-        self._moves = moves
-        self.blocks = find_blocks(problem, moves)
-        self._inside = pack(problem, self.blocks)
+        self._arrange(moves)
 
     def solve(
         self, G: Array, J: Array | HandJacobian, tau_e: Array, h_e: Array,
@@ -221,21 +174,23 @@ class ForceSolver:
             the problem is from a solution and must not be applied. Never raises on numbers.
         """
         begin = _NO_START if start is None else start
-        return self._asked(_PLAN, G, J, tau_e, h_e, begin)
+        return self._asked(OPTIMUM, G, J, tau_e, h_e, begin)
 
     def exact(self, G: Array, J: Array | HandJacobian, tau_e: Array, h_e: Array) -> ForceStep:
         """The least Σ c_z on the same constraints, to a certified gap of 1e-7."""
-        return self._asked(_EXACT, G, J, tau_e, h_e, _NO_START)
+        return self._asked(LEAST, G, J, tau_e, h_e, _NO_START)
 
     def load_factor(self, G: Array, J: Array | HandJacobian, tau_e: Array, h_e: Array) -> float:
         """The largest λ with G c = λ h_e inside all limits.
 
-        0 where friction cannot balance h_e at all; inf where no limit binds; NaN where τ_e alone
-        is outside the torque limits.
+        0 where friction cannot balance h_e at all; inf where no limit binds; NaN where rank G < 6
+        or τ_e alone is outside the torque limits.
         """
         out = self._new()
-        self._call(_LOAD, G, J, tau_e, h_e, _NO_START, out)
-        return float(out[-1])
+        code, _ = self._call(LOAD, G, J, tau_e, h_e, _NO_START, out)
+        if not np.any(h_e):
+            return np.inf
+        return {_SOLVED: float(out[-1]), _INFEASIBLE: 0.0}.get(code, np.nan)
 
     def _new(self) -> Array:
         p = self.problem
@@ -247,18 +202,23 @@ class ForceSolver:
     ) -> tuple[int, int]:  # fmt: skip
         layout, fixed = self._inside
         if isinstance(J, HandJacobian):
-            return answer_blocks(layout, fixed, G, *J, tau_e, h_e, start, question, out)
-        code, used = answer_dense(layout, fixed, G, J, tau_e, h_e, start, question, out)
+            own, shared = J.own.copy(), J.shared.copy()
+            return answer(layout, fixed, G, _NO_J, own, shared, tau_e, h_e, start, question, out)
+        own, shared = self._room
+        code, used = answer(layout, fixed, G, J, own, shared, tau_e, h_e, start, question, out)
         if code == _BESIDE:  # a joint moves a finger that it had not moved: seen once
-            if not np.isfinite(J).all():
-                return _NOT_FINITE, 0
-            self._moves = (
+            self._arrange(
                 self._moves | np.logical_or.reduceat(J != 0.0, self.problem.first, axis=0).T
             )
-            self.blocks = find_blocks(self.problem, self._moves)
-            self._inside = layout, fixed = pack(self.problem, self.blocks)
-            return answer_dense(layout, fixed, G, J, tau_e, h_e, start, question, out)
+            return self._call(question, G, J, tau_e, h_e, start, out)
         return code, used
+
+    def _arrange(self, moves: BoolArray) -> None:
+        self._moves = moves
+        self.blocks = find_blocks(self.problem, moves)
+        self._inside = pack(self.problem, self.blocks)
+        own_at, shared_at = pattern(self.problem, self.blocks)
+        self._room = np.empty(len(own_at)), np.empty(shared_at.shape)
 
     def _asked(
         self, question: int, G: Array, J: Array | HandJacobian, tau_e: Array, h_e: Array,
@@ -273,7 +233,7 @@ class ForceSolver:
         status, gap = ForceStatus.SOLVED, np.nan
         if code != _SOLVED:
             status = self._verdict(code, G, J, tau_e, h_e)
-        elif question == _EXACT:
+        elif question == LEAST:
             gap = (total - bound) / total if total > 0.0 else 0.0
         elif room < self.margin:
             status = ForceStatus.LOW_MARGIN
@@ -284,10 +244,8 @@ class ForceSolver:
     def _verdict(
         self, code: int, G: Array, J: Array | HandJacobian, tau_e: Array, h_e: Array
     ) -> ForceStatus:
-        if code == _INFEASIBLE:
-            without, _ = self._call(_FRICTION, G, J, tau_e, h_e, _NO_START, self._new())
-            strong = without == NEGATIVE
-            return (
-                ForceStatus.INFEASIBLE_TORQUE_LIMITS if strong else ForceStatus.INFEASIBLE_FRICTION
-            )
-        return _STATUS[code]
+        if code != _INFEASIBLE:
+            return _STATUS[code]
+        without, _ = self._call(FRICTION, G, J, tau_e, h_e, _NO_START, self._new())
+        strong = without == _SOLVED
+        return ForceStatus.INFEASIBLE_TORQUE_LIMITS if strong else ForceStatus.INFEASIBLE_FRICTION
