@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from wbc import resources
+from wbc.control.controller import Controller
 from wbc.control.plan import Fault
 from wbc.errors import WbcError
+from wbc.forces import POINT, SOFT_FINGER
 from wbc.recording import RunMeta
 from wbc.scenario import Loaded, load
 from wbc.scenario.build import Assembly
@@ -90,6 +92,7 @@ def run_meta(assembly: Assembly) -> RunMeta:
     secondary = controller.task_names[:cut]
     names = secondary if assembly.main_task is None else (assembly.main_task, *secondary)
     return RunMeta(
+        **_of_forces(controller),
         scenario=scenario.name,
         dt=settings.dt,
         joint_names=model.joint_names,
@@ -109,6 +112,21 @@ def run_meta(assembly: Assembly) -> RunMeta:
         insert_below=scenario.supervisor.insert_below,
         safety_distance=safety_distance(scenario),
     )
+
+
+def _of_forces(controller: Controller) -> dict[str, Any]:
+    """What of the planned forces is the same in all ticks; nothing where none are planned."""
+    if controller.planner is None:
+        return {}
+    given = controller.planner.settings
+    model = SOFT_FINGER if given.soft else POINT
+    return {
+        "tau_min": tuple(given.tau_min.tolist()),
+        "tau_max": tuple(given.tau_max.tolist()),
+        "mu": tuple(given.mu.tolist()),
+        "mu_t": tuple(given.mu_t.tolist()),
+        "contact_models": (model,) * len(given.mu),
+    }
 
 
 def _unit(scenario: Scenario, task: str, planar: bool) -> str:

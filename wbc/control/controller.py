@@ -14,6 +14,7 @@ from wbc.arrays import Array, BoolArray
 from wbc.contact.grasp import ContactMode, ContactState, ObjectReference
 from wbc.contact.recharting import recharted
 from wbc.control import checks
+from wbc.control.force_planner import ForcePlanner
 from wbc.control.integrator import runge_kutta
 from wbc.control.law import CostForecast, Law, Locks, Motion, Sight, moved
 from wbc.control.limiting import Guarded, finite, guarded, solved, within_limits
@@ -65,6 +66,7 @@ class Controller:
 
     Attributes:
         task_names: the tasks in the order of every (M,) array: the stack's, then the fingers' tips.
+        planner: of the contact forces; None: none are planned.
     """
 
     def __init__(
@@ -75,12 +77,14 @@ class Controller:
         phases: PhaseSequence,
         priority: Sequence[int],
         settings: Settings,
+        planner: ForcePlanner | None = None,
     ) -> None:
         checks.controller(law, phases, priority, settings)
         self.law = law
         self.supervisor = supervisor
         self.phases = phases
         self.settings = settings
+        self.planner = planner
         self.task_names = tuple(task.name for task in law.stack.tasks)
         self._costs = forecast
         self._forecast = TickForecast(law, forecast, settings.dt, supervisor.horizon)
@@ -101,6 +105,9 @@ class Controller:
             self.law, state.level_order, self._levels(state.activation), here, dt
         )
         sight = self.law.sight()
+        forces, held = None, None
+        if self.planner is not None:  # before the tick's further stages move the kinematics on
+            forces, held = self.planner.plan(self.law.kin, t, state.phase, state.v, state.forces)
         stack, event, target = self._supervised(t, state, motion)  # who is in the stack
         gains_next = gains.advance(state.activation, target, self.settings.smoothing, dt)
         shares = (1.0, 1.0)
@@ -110,9 +117,9 @@ class Controller:
         q, contact = moved(state.q, state.contact, step, dt)
         v = step[: len(q)]  # what the limit filter let pass
         record = self._record(t, state, seen, sight, v, stack, event, status, limited)
-        return record, state._replace(
+        return record._replace(forces=forces), state._replace(
             tick=state.tick + 1, q=q, v=v, rates=step, contact=contact, activation=gains_next,
-            stack=stack,
+            stack=stack, forces=held,
         )  # fmt: skip
 
     def init(self, q0: Array, *, v0: Array | None = None) -> ControllerState:
@@ -160,7 +167,7 @@ class Controller:
         return gains.Activation(rho, rho)
 
     def like(self, phases: PhaseSequence, settings: Settings) -> Controller:
-        """A controller of the same robot, tasks and costs, in the same workspaces."""
+        """A controller of the same robot, tasks and costs, in the same workspaces; no planner."""
         supervisor, priority = self.supervisor, self._priority
         return Controller(self.law, self._costs, supervisor, phases, priority, settings)
 

@@ -68,6 +68,28 @@ def _evaluate(
         out_tips[i, 3:] = ds * way
 
 
+@kernel
+def _acceleration(t: float, start: float, duration: float, way: Array, turn: Array) -> Array:
+    """Second derivative of the minimum-jerk way and turn; 0 outside the motion."""
+    out = np.zeros(6)
+    tau = (t - start) / duration
+    if 0.0 < tau < 1.0:
+        dds = 60.0 * tau * (1.0 - tau) * (1.0 - 2.0 * tau) / (duration * duration)
+        out[:3] = dds * way
+        out[3:] = dds * turn
+    return out
+
+
+def object_acceleration(t: float, motion: Motion) -> Array:
+    """(6,) rate of the object's reference twist at time t, world axes [m/s², rad/s²].
+
+    The object turns about one axis fixed in the world, so the turning rate has no other part.
+    """
+    way = motion.position[1] - motion.position[0]
+    acceleration: Array = _acceleration(t, motion.start, motion.duration, way, motion.turn)
+    return acceleration
+
+
 @final
 class References:
     """Workspace in which a `Motion` is evaluated; the next call overwrites what one returns."""

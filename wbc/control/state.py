@@ -65,6 +65,20 @@ class PhaseState(NamedTuple):
     timeouts: tuple[str, ...]
 
 
+class ForceState(NamedTuple):
+    """What the force planner carries from tick to tick.
+
+    Attributes:
+        v: (nv,) velocity commanded up to its last tick, for the acceleration.
+        c: (N, 4) last feasible forces in the contact frames, x, y, z (inward) [N] and t [Nm].
+        starts: by set of contacts, its last feasible forces; None where it begins cold.
+    """
+
+    v: Array
+    c: Array
+    starts: tuple[Array | None, ...]
+
+
 class ControllerState(NamedTuple):
     """Everything the controller carries from tick to tick.
 
@@ -81,6 +95,7 @@ class ControllerState(NamedTuple):
         level_order: levels in the present order.
         phase: where the sequence of phases is.
         targets: target of each task.
+        forces: of the force planner; None before its first tick, and where there is none.
     """
 
     tick: int
@@ -95,6 +110,7 @@ class ControllerState(NamedTuple):
     level_order: IntArray
     phase: PhaseState
     targets: tuple[Array | None, ...]
+    forces: ForceState | None = None
 
 
 class ForceRecord(NamedTuple):

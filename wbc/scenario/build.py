@@ -23,6 +23,7 @@ from wbc.robot.model import RobotModel
 from wbc.robot.pruning import PairReport
 from wbc.rotations import rotation_from_quaternion
 from wbc.scenario.build_costs import build_costs, safety_distance, watched_pairs
+from wbc.scenario.build_forces import build_planner
 from wbc.scenario.build_phases import build_phases
 from wbc.scenario.build_tasks import build_tasks, tracked_frames
 from wbc.scenario.kinds import BoxSpec, ObjectPoseSpec, SuperellipsoidSpec, SurfaceSpec
@@ -122,13 +123,15 @@ def _assemble(loaded: Loaded, model: RobotModel) -> Assembly:
         tuple(costs), Kinematics(model, ()), Distances(scene, near) if scene is not None else None
     )
     settings = scenario.supervisor
+    phases = build_phases(scenario, grasp, [task.name for task in tasks])
     controller = Controller(
         law,
         forecast,
         Supervisor(settings.remove_above, settings.insert_below, settings.horizon, settings.dwell),
-        build_phases(scenario, grasp, [task.name for task in tasks]),
+        phases,
         tuple(range(len(secondary))),
         _settings(scenario, model),
+        build_planner(scenario, kin, phases),
     )
     place_object(kin, scenario, controller)
     first = controller.phases.phases[0]

@@ -9,6 +9,7 @@ import numpy as np
 
 from wbc.arrays import Array
 from wbc.contact.grasp import ContactMode, Grasp
+from wbc.control.force_planner import passages
 from wbc.control.phases import ExitCondition, ObjectMotion, Phase, PhaseSequence
 from wbc.rotations import rotation_from_quaternion
 from wbc.scenario import schema
@@ -35,7 +36,16 @@ def build_phases(scenario: Scenario, grasp: Grasp, tasks: list[str]) -> PhaseSeq
         for name, value in spec.force.items():
             force[grasp.fingers.index(name)] = value
         phases.append(_phase(spec, grasp, tasks, force))
-    return PhaseSequence(tuple(_closing(phases, k) for k in range(len(phases))))
+    phases = [_closing(phases, k) for k in range(len(phases))]
+    if scenario.forces is not None:  # a phase in which nothing moves lasts until forces have passed
+        _, ways = passages([phase.mode for phase in phases])
+        phases = [
+            replace(phase, over=way.ramps * scenario.forces.ramp)
+            if way.ramps and spec.over is None
+            else phase
+            for phase, way, spec in zip(phases, ways, specs, strict=True)
+        ]
+    return PhaseSequence(tuple(phases))
 
 
 def _closing(phases: list[Phase], k: int) -> Phase:

@@ -61,6 +61,12 @@ def check_names(
             faults.add(path, follower_refusal(joint, driven[joint]), on=on)
         elif joint not in joints:
             faults.unknown(path, "joint", joint, joints, on=on)
+    for joint in {} if scenario.forces is None else scenario.forces.torque_limits:
+        path = ("forces", "torque_limits", joint)
+        if joint in driven:
+            faults.add(path, follower_refusal(joint, driven[joint]), on="key")
+        elif not matching([joint], joints):
+            faults.unknown(path, "joint", joint, joints, on="key")
     for path, joint, value in _positions(scenario):
         wanted = "length" if joint in prismatic else "angle"
         if joint in joints and value.dimension not in (wanted, "any"):

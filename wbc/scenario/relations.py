@@ -33,7 +33,7 @@ def check_relations(data: dict[str, Any], faults: Faults) -> None:
             _ending(("phases", i), phase, i + 1 == len(phases), faults)
 
 
-def _si(raw: Any, *dimensions: str) -> float | None:
+def si(raw: Any, *dimensions: str) -> float | None:
     """The value in SI; None when it is missing or cannot be read."""
     try:
         return read(raw, *dimensions).value
@@ -43,8 +43,8 @@ def _si(raw: Any, *dimensions: str) -> float | None:
 
 def _supervisor(block: dict[str, Any], faults: Faults) -> None:
     default = Supervisor.model_fields
-    above = _si(block.get("remove_above", default["remove_above"].default), NUMBER)
-    below = _si(block.get("insert_below", default["insert_below"].default), NUMBER)
+    above = si(block.get("remove_above", default["remove_above"].default), NUMBER)
+    below = si(block.get("insert_below", default["insert_below"].default), NUMBER)
     if above is not None and below is not None and not below < above:
         key = "insert_below" if "insert_below" in block else "remove_above"
         text = f"insert_below ({below:g}) must be below remove_above ({above:g})"
@@ -52,7 +52,7 @@ def _supervisor(block: dict[str, Any], faults: Faults) -> None:
 
 
 def _simulation(block: dict[str, Any], faults: Faults) -> None:
-    duration, step = _si(block.get("duration"), "time"), _si(block.get("step"), "time")
+    duration, step = si(block.get("duration"), "time"), si(block.get("step"), "time")
     if duration is None or step is None or not (duration > 0.0 and step > 0.0):
         return
     if step > duration:
@@ -66,7 +66,7 @@ def _soft_limits(path: KeyPath, cost: dict[str, Any], faults: Faults) -> None:
         v if isinstance(v, dict) else {EVERY: v} for v in (cost.get("lower"), cost.get("upper"))
     ]
     for joint in {**sides[0], **sides[1]}:
-        low, high = (_si(side.get(joint, side.get(EVERY)), "angle", "length") for side in sides)
+        low, high = (si(side.get(joint, side.get(EVERY)), "angle", "length") for side in sides)
         if low is not None and high is not None and not low < high:
             what = "" if joint == EVERY else f" of {clip(joint)}"
             faults.add((*path, "lower"), f"the lower limit{what} must be below the upper one")
@@ -101,8 +101,8 @@ def _durations(path: KeyPath, phase: dict[str, Any], faults: Faults) -> None:
             if phase.get(key):
                 text = "needs 'over' in this phase, the duration of the motion"
                 faults.add((*path, key), text, on="key")
-    after = _si(mapping(phase.get("timeout")).get("after"), "time")
-    time = _si(mapping(phase.get("until")).get("time"), "time")
+    after = si(mapping(phase.get("timeout")).get("after"), "time")
+    time = si(mapping(phase.get("until")).get("time"), "time")
     if after is not None and time is not None and not after > time:
         text = "comes no later than until.time, so the phase cannot succeed"
         faults.add((*path, "timeout", "after"), text)

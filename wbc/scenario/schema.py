@@ -23,6 +23,7 @@ from wbc.scenario.blocks import (
     Text,
     Vector3,
 )
+from wbc.scenario.force_blocks import Contents, Forces, Inertia3
 from wbc.scenario.kinds import AnyCost, AnySurface, AnyTask
 from wbc.scenario.units import (
     AngularAcceleration,
@@ -31,6 +32,7 @@ from wbc.scenario.units import (
     JointValue,
     NonNegative,
     PositiveLength,
+    PositiveMass,
     PositiveNumber,
     PositiveTime,
     Quantity,
@@ -83,6 +85,12 @@ class Object(Block):
 
     surface: AnySurface
     pose: Pose
+    mass: PositiveMass | None = Field(default=None, description="without its contents")
+    com: Vector3 = Field(default=(0.0, 0.0, 0.0), description="centre of mass, object's axes")
+    inertia: Inertia3 = Field(
+        default=(0.0, 0.0, 0.0), description="about its centre of mass, principal: object's axes"
+    )
+    contents: Contents | None = None
 
 
 @final
@@ -230,4 +238,5 @@ class Scenario(Block):
     supervisor: Supervisor = Field(default_factory=Supervisor)
     limits: Limits = Field(default_factory=Limits)
     phases: tuple[Phase, ...] = ()
+    forces: Forces | None = Field(default=None, description="needs the object's mass")
     simulation: Simulation

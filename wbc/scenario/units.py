@@ -56,6 +56,14 @@ UNITS: Final[dict[str, Unit]] = {
     "cm/s": Unit("velocity", per=100.0),
     "mm/s": Unit("velocity", per=1000.0),
     "m/s^2": Unit("acceleration"),
+    "kg": Unit("mass"),
+    "g": Unit("mass", per=1000.0),
+    "kg m^2": Unit("inertia"),
+    "kg cm^2": Unit("inertia", per=1e4),
+    "kg/m^3": Unit("density"),
+    "g/cm^3": Unit("density", 1000.0),
+    "Nm": Unit("torque"),
+    "mNm": Unit("torque", per=1000.0),
 }
 
 EXAMPLES: Final[dict[str, str]] = {
@@ -69,6 +77,10 @@ EXAMPLES: Final[dict[str, str]] = {
     "angular acceleration": "60 rad/s^2",
     "velocity": "0.5 m/s",
     "acceleration": "2 m/s^2",
+    "mass": "0.2 kg",
+    "inertia": "1e-4 kg m^2",
+    "density": "1000 kg/m^3",
+    "torque": "0.5 Nm",
 }
 
 SHARED: Final = "x-quantity"
@@ -231,7 +243,8 @@ class AngleOrLength:
 
 
 def _text_schema(*dimensions: str) -> dict[str, Any]:
-    names = "|".join(re.escape(u) for d in dimensions for u in units_of(d))
+    # an escaped space is no regular expression to the browsers' kind of editor
+    names = "|".join(re.escape(u).replace("\\ ", " ") for d in dimensions for u in units_of(d))
     bare = "" if "angle" in dimensions else "?"
     return {"type": "string", "pattern": rf"^\s*{_NUMBER}\s*({names}){bare}\s*$"}
 
@@ -253,6 +266,12 @@ Force: TypeAlias = Annotated[float, Quantity("force", least=0.0)]
 Stiffness: TypeAlias = Annotated[float, Quantity("stiffness", above=0.0)]
 AngularVelocity: TypeAlias = Annotated[float, Quantity("angular velocity", above=0.0)]
 AngularAcceleration: TypeAlias = Annotated[float, Quantity("angular acceleration", above=0.0)]
+Mass: TypeAlias = Annotated[float, Quantity("mass", least=0.0)]
+PositiveMass: TypeAlias = Annotated[float, Quantity("mass", above=0.0)]
+Inertia: TypeAlias = Annotated[float, Quantity("inertia", least=0.0)]
+Density: TypeAlias = Annotated[float, Quantity("density", above=0.0)]
+Torque: TypeAlias = Annotated[float | None, Quantity("torque", above=0.0, off="off")]
+"""None stands for no limit."""
 Number: TypeAlias = Annotated[float, Quantity(NUMBER)]
 PositiveNumber: TypeAlias = Annotated[float, Quantity(NUMBER, above=0.0)]
 NonNegative: TypeAlias = Annotated[float, Quantity(NUMBER, least=0.0)]

@@ -1,0 +1,309 @@
+"""Forces planned in the loop: balance, limits, passages between sets of contacts, bad ticks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from forces.oracles import load_factor
+
+from wbc.control.force_planner import Passage, passages
+from wbc.control.hand_statics import statics, touches, touches_at
+from wbc.control.state import ControllerState, ForceRecord, TickRecord
+from wbc.forces import ForceStatus
+from wbc.robot.kinematics import Kinematics
+from wbc.scenario.build import Assembly
+
+from .holding import LIFT, holding
+
+STATUS = tuple(ForceStatus)
+SOFT = {"model": "soft_finger", "friction": 0.7, "torsion": "6 mm"}
+
+
+@pytest.fixture(scope="module")
+def held() -> Assembly:
+    return holding()
+
+
+def run(
+    assembly: Assembly, ticks: int, state: ControllerState | None = None
+) -> tuple[list[TickRecord], ControllerState]:
+    state, records = assembly.start if state is None else state, []
+    for _ in range(ticks):
+        record, state = assembly.controller.step(state)
+        records.append(record)
+    return records, state
+
+
+def plan(record: TickRecord) -> ForceRecord:
+    assert record.forces is not None
+    return record.forces
+
+
+def supplied(record: TickRecord) -> np.ndarray:
+    """(6,) what the logged forces exert about the object's origin."""
+    forces = plan(record)
+    arms = record.contact_points - record.object_position
+    moments = np.cross(arms, forces.force) - forces.spin[:, None] * record.contact_normals
+    return np.concatenate([forces.force.sum(0), moments.sum(0)])
+
+
+def assert_good(record: TickRecord) -> None:
+    forces = plan(record)
+    assert STATUS[forces.status] is ForceStatus.SOLVED
+    size = np.abs(forces.force).max()
+    np.testing.assert_allclose(supplied(record), forces.wrench, atol=1e-9 * max(size, 1.0))
+    in_contact = record.mode != 0
+    assert np.isnan(forces.cone_margin[~in_contact]).all()
+    assert (forces.cone_margin[in_contact] >= 0.0).all()
+    assert (forces.torque_margin > 0.0).all()
+    assert (forces.force[~in_contact] == 0.0).all()
+
+
+def test_every_tick_balances_within_all_limits(held: Assembly) -> None:
+    records, _ = run(held, 60)
+    for record in records:
+        assert_good(record)
+    forces = [plan(r) for r in records]
+    assert max(f.iterations for f in forces[1:]) <= 3  # at an acceleration of 0.6 g
+    steps = np.abs(np.diff([f.force for f in forces], axis=0)).max(axis=(1, 2))
+    assert steps.max() < 0.05 * forces[0].sum_normal
+    # the weight is lifted: more than it while speeding up, less while slowing down
+    up = np.array([f.wrench[2] for f in forces]) / (0.03 * 9.81)
+    assert up[12] > 1.5 and up[37] < 0.5 and up[55] == pytest.approx(1.0, abs=1e-9)
+    arm = records[-1].reference_rotation @ [0.0, 2e-3, 1e-3]
+    np.testing.assert_allclose(forces[-1].com - records[-1].object_position, arm, atol=1e-7)
+
+
+def test_the_torques_are_those_of_inverse_dynamics_with_forces_on_the_links(
+    held: Assembly,
+) -> None:
+    records, state = run(held, 20)
+    records, _ = run(held, 1, state)
+    record, model = records[0], held.model
+    robot = Kinematics(model, held.controller.law.kin.robot.frames).update(record.q)
+    a = (state.v - state.forces.v) / held.controller.settings.dt if state.forces else 0.0
+    fext = pin.StdVec_Force()
+    for _ in range(model.pin_model.njoints):
+        fext.append(pin.Force.Zero())
+    for i, force in enumerate(plan(record).force):
+        joint = model.pin_model.frames[model.frame(robot.frames[i])].parentJoint
+        reaction = pin.Force(-force, np.cross(record.contact_points[i], -force))
+        fext[joint] += robot.data.oMi[joint].actInv(reaction)
+    tau = pin.rnea(
+        model.pin_model, model.pin_model.createData(), model.full(record.q),
+        model.ratio * state.v[model.master], model.ratio * a[model.master], fext,
+    )  # fmt: skip
+    expected = np.zeros(model.nv)
+    np.add.at(expected, model.master, model.ratio * tau)
+    np.testing.assert_allclose(plan(record).torque, expected, atol=1e-9)
+
+
+def test_no_other_forces_would_do_with_less(held: Assembly) -> None:
+    _, state = run(held, 10)
+    exact = holding(forces__method="exact")
+    least, _ = run(exact, 11)
+    newton, _ = run(held, 1, state)
+    assert_good(newton[0])
+    assert plan(least[-1]).sum_normal <= plan(newton[0]).sum_normal
+    assert abs(plan(least[-1]).cone_margin.min()) < 1e-6
+    np.testing.assert_allclose(supplied(least[-1]), plan(least[-1]).wrench, atol=1e-8)
+
+
+def problem_of(assembly: Assembly, k: int, records: list[TickRecord]) -> Any:
+    """The problem of tick k from what a log holds."""
+    planner, now = assembly.controller.planner, records[k]
+    assert planner is not None
+    robot = Kinematics(assembly.model, assembly.controller.law.kin.robot.frames).update(now.q)
+    n = len(now.mode)
+    touch = touches_at(
+        now.contact_points, now.contact_normals, robot.position[:n], now.object_position
+    )
+    v, dt = records[k - 1].v, assembly.controller.settings.dt
+    a = (v - records[k - 2].v) / dt
+    return planner.problem(robot, now.mode, touch, v, a, plan(now).wrench)
+
+
+def test_a_problem_can_be_had_back_from_a_log(held: Assembly) -> None:
+    from wbc.forces.solver import ForceSolver
+
+    records, _ = run(held, 20)
+    problem = problem_of(held, 19, records)
+    again = ForceSolver(problem).solve(problem.G, problem.J, problem.tau_e, problem.h_e)
+    forces = plan(records[19])
+    assert again.phi == pytest.approx(forces.phi, rel=1e-6)
+    np.testing.assert_allclose(again.cone_margin, forces.cone_margin, rtol=1e-3)
+
+
+def test_a_jump_of_the_wrench_is_survived(held: Assembly) -> None:
+    planner = held.controller.planner
+    assert planner is not None
+    records, state = run(held, 55)
+    own = planner.payload
+    try:
+        planner.payload = replace(own, mass=3.0 * own.mass)
+        jumped, state = run(held, 1, state)
+    finally:
+        planner.payload = own
+    back, _ = run(held, 1, state)
+    for record in (*jumped, *back):
+        assert_good(record)
+    assert plan(jumped[0]).sum_normal > 2.0 * plan(records[-1]).sum_normal
+
+
+@pytest.mark.parametrize(
+    ("change", "status"),
+    [
+        ({"mass": 0.5}, ForceStatus.INFEASIBLE_TORQUE_LIMITS),
+        ({"mass": np.nan}, ForceStatus.INVALID_INPUT),
+        ({"com": np.array([0.0, np.nan, 0.0])}, ForceStatus.INVALID_INPUT),
+    ],
+)
+def test_a_tick_that_cannot_be_held_keeps_the_last_forces_and_says_why(
+    held: Assembly, change: dict[str, Any], status: ForceStatus
+) -> None:
+    planner = held.controller.planner
+    assert planner is not None
+    _, before = run(held, 10)
+    own = planner.payload
+    try:
+        planner.payload = replace(own, **change)
+        records, state = run(held, 3, before)
+    finally:
+        planner.payload = own
+    assert before.forces is not None and state.forces is not None
+    np.testing.assert_array_equal(state.forces.c, before.forces.c)
+    for record in records:
+        forces = plan(record)
+        assert STATUS[forces.status] is status
+        for value in (forces.force, forces.torque, forces.wrench, forces.com, forces.cone_margin):
+            assert np.isfinite(value).all()
+        assert np.isfinite([forces.mass, forces.sum_normal]).all()
+        assert forces.sum_normal > 0.0
+    assert_good(run(held, 1, state)[0][0])
+
+
+def test_the_verdict_is_clarabels(held: Assembly) -> None:
+    records, _ = run(held, 3)
+    problem = problem_of(held, 2, records)
+    factor = load_factor(problem).value
+    assert 3.0 < factor < 8.0  # as the two tests above take it to be
+    assert load_factor(problem.with_(h_e=0.99 * factor * problem.h_e)).value > 1.0
+
+
+def test_planning_leaves_the_motion_as_it_is_bit_for_bit(held: Assembly) -> None:
+    records, state = run(held, 30)
+    without, other = run(holding(forces=None), 30)
+    assert without[0].forces is None and other.forces is None
+    np.testing.assert_array_equal(state.q, other.q)
+    np.testing.assert_array_equal(records[-1].v, without[-1].v)
+
+
+def test_a_state_is_a_value(held: Assembly) -> None:
+    _, state = run(held, 5)
+    one, _ = run(held, 5, state)
+    two, _ = run(held, 5, state)
+    for a, b in zip(one, two, strict=True):
+        np.testing.assert_array_equal(plan(a).force, plan(b).force)
+
+
+def hand_over() -> Iterator[dict[str, Any]]:
+    """Thumb and middle finger hold, the index finger joins, the middle finger goes."""
+    still = {"tasks": [], "over": "0.1 s", "until": {"time": "0.1 s"}}
+    two = {"r_thumb": "fixed", "r_middle": "fixed"}
+    three = {**two, "r_index": "fixed"}
+    yield {**still, "name": "two", "contacts": two, "reach": {"r_index": {"clearance": "0 m"}},
+           "until": {"time": "0.1 s", "tip_error": "1e-8 m"}}  # fmt: skip
+    yield {"name": "join", "contacts": three, "tasks": [], "until": {"time": "0.01 s"}}
+    yield {**still, "name": "leave", "contacts": three}
+    yield {**still, "name": "other", "contacts": {"r_thumb": "fixed", "r_index": "fixed"},
+           "reach": {"r_middle": {"clearance": "2 mm"}}}  # fmt: skip
+
+
+def test_forces_pass_from_one_set_of_contacts_to_the_next_without_a_step() -> None:
+    assembly = holding(phases=list(hand_over()), mass="20 g", forces={**SOFT, "ramp": "0.06 s"})
+    records, _ = run(assembly, 190)
+    names = [phase.name for phase in assembly.controller.phases.phases]
+    seen = [names[record.phase] for record in records]
+    assert sorted(set(seen)) == sorted(names)
+    for record in records:
+        assert_good(record)
+    press = np.linalg.norm([plan(record).force for record in records], axis=2)
+    thumb, index, middle = press.T
+    joined, left, other = (seen.index(name) for name in ("join", "leave", "other"))
+    assert left - joined == 30  # the phase lasts as long as the forces take, 60 ms
+    assert index[joined] == 0.0 and index[left] > 0.0
+    assert middle[other - 1] < 1e-3 * middle[0] and middle[other] == 0.0
+    assert thumb.min() > 0.0
+    steps = np.abs(np.diff([plan(r).force for r in records], axis=0)).max()
+    assert steps < 0.1 * press.max()
+
+
+def test_a_sliding_contact_all_but_presses_along_its_normal() -> None:
+    phases = [{**LIFT, "contacts": {"r_thumb": "fixed", "r_index": "fixed", "r_middle": "sliding"}}]
+    assembly = holding(phases=phases, mass="20 g", forces={**SOFT, "sliding_friction": 0.02})
+    records, _ = run(assembly, 5)
+    for record in records:
+        assert_good(record)
+        force, inward = plan(record).force[2], -record.contact_normals[2]
+        along = force @ inward
+        assert along > 0.0
+        assert np.linalg.norm(force - along * inward) <= 0.02 * along
+
+
+def test_limits_by_pattern_are_kept() -> None:
+    free, _ = run(holding(mass="50 g"), 3)
+    tight = holding(mass="50 g", forces__torque_limits={"right_middle_*": "30 mNm"})
+    records, _ = run(tight, 3)
+    assert_good(records[-1])
+    middle = [k for k, name in enumerate(tight.model.joint_names) if "right_middle" in name]
+    assert np.abs(plan(free[-1]).torque[middle]).max() > 0.03
+    assert np.abs(plan(records[-1]).torque[middle]).max() < 0.03
+
+
+def test_sets_are_shared_contacts_by_what_they_can_carry() -> None:
+    none, right = np.array([0, 0]), np.array([1, 0])
+    both, slides, left = np.array([1, 1]), np.array([1, 2]), np.array([0, 1])
+    sets, found = passages([none, right, slides, both, left, none])
+    assert [s.tolist() for s in sets] == [[1, 0], [1, 2], [1, 1], [0, 1]]
+    assert found == [
+        Passage(-1, -1, -1), Passage(0, 0, 0), Passage(0, 1, 1), Passage(1, 2, 3),
+        Passage(3, 3, 3), Passage(-1, -1, -1),
+    ]  # fmt: skip
+    assert [way.ramps for way in found] == [0, 0, 1, 2, 0, 0]
+
+
+@pytest.mark.parametrize("over", [0.05, 0.4, 2.0])
+def test_the_parts_of_the_sets_are_one_together_and_change_smoothly(over: float) -> None:
+    way, times = Passage(0, 1, 2), np.linspace(-0.01, over + 0.1, 4001)
+    parts = np.array([[way.weights(t, over, 0.2).get(k, 0.0) for k in range(3)] for t in times])
+    np.testing.assert_allclose(parts.sum(axis=1), 1.0)
+    assert parts[0].tolist() == [1.0, 0.0, 0.0] and parts[-1].tolist() == [0.0, 0.0, 1.0]
+    ramp = min(0.2, 0.5 * over)
+    assert np.abs(np.diff(parts, axis=0)).max() < 1.9 * (times[1] - times[0]) / ramp
+
+
+def test_statics_from_a_log_and_from_a_tick_agree_in_the_world(held: Assembly) -> None:
+    records, _ = run(held, 4)
+    kin = held.controller.law.kin
+    kin.update(records[-1].q, kin.state, kin.reference)
+    one = touches(kin)
+    n = kin.grasp.count
+    normals = -one.frame[:, :, 2]
+    points = kin.object_position + one.arm
+    two = touches_at(points, normals, kin.robot.position[:n], kin.object_position)
+    fingers, joints = np.arange(n), np.arange(held.model.nv)
+    for i in range(n):
+        assert np.linalg.det(one.frame[i]) == pytest.approx(1.0)
+        assert np.linalg.det(two.frame[i]) == pytest.approx(1.0)
+    np.testing.assert_allclose(one.pad, two.pad, atol=2e-5)
+    (g, j), (g2, j2) = (statics(kin.robot, t, fingers, joints, False) for t in (one, two))
+    for i in range(n):
+        turn = one.frame[i].T @ two.frame[i]
+        own = slice(3 * i, 3 * i + 3)
+        np.testing.assert_allclose(g[:, own] @ turn, g2[:, own], atol=1e-12)
+        np.testing.assert_allclose(turn.T @ j[own], j2[own], atol=2e-5)

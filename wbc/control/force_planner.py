@@ -1,0 +1,325 @@
+"""The contact forces of every tick: how hard each finger presses while the object moves as planned.
+
+The forces balance what motion and weight of the object ask for, stay in the friction cones, and ask
+no joint for more than its torque limit (1)-(5). Which contacts may carry is up to the phase; from
+one set of contacts to the next the forces pass without a step, see `Passage`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple, final
+
+import numpy as np
+
+from wbc.arrays import Array, BoolArray, IntArray
+from wbc.contact.extended_finger import ExtendedKinematics
+from wbc.contact.grasp import ContactMode
+from wbc.control.hand_statics import Touches, loads, statics, touches
+from wbc.control.payload import Payload, wrench_to_supply
+from wbc.control.phases import Phase
+from wbc.control.references import minimum_jerk, object_acceleration
+from wbc.control.state import ForceRecord, ForceState, PhaseState
+from wbc.forces import POINT, SOFT_FINGER, ForceStatus, GraspForceProblem
+from wbc.forces.solver import ForceSolver, ForceStep
+from wbc.robot.dynamics import InverseDynamics
+from wbc.robot.kinematics import Kinematics
+
+_STATUS: Final = {status: k for k, status in enumerate(ForceStatus)}
+_RANK: Final = np.array([0, 2, 1])  # of modes, by what they can carry; its own inverse
+
+
+@dataclass(frozen=True)
+class ForceSettings:
+    """What the planner may ask of contacts and joints.
+
+    Attributes:
+        soft: contacts also take a moment about their normal.
+        mu: (N,) friction of contacts that hold.
+        mu_t: (N,) torsional friction [m]; not used unless `soft`.
+        sliding: friction of contacts while they slide. Coulomb's force of a sliding tip is along
+            its motion and not the planner's to choose; with a small cone it all but presses.
+        tau_min, tau_max: (nv,) torque limits [Nm], both inf where there is none.
+        w_p, w_bF, w_bT: weights of (15)-(16).
+        margin: part of c_z to a cone, or of half a torque range to a limit, that must be left for
+            a plan not to be `LOW_MARGIN`.
+        method: "newton", or "exact" for the least forces to the very limits.
+        ramp: [s] for the forces to pass from one set of contacts to the next.
+    """
+
+    soft: bool
+    mu: Array
+    mu_t: Array
+    sliding: float
+    tau_min: Array
+    tau_max: Array
+    w_p: float
+    w_bF: float
+    w_bT: float
+    margin: float
+    method: Literal["newton", "exact"]
+    ramp: float
+
+
+class Passage(NamedTuple):
+    """How forces pass through a phase: c = (1 − a) c_before + a (1 − b) c_own + a b c_after.
+
+    Each of the three balances the object alone, on contacts that this phase has: `before` and
+    `after` are the modes that it shares with the phases before and after, of a contact's two modes
+    the one that carries less. Cones and torque limits are convex and the balance is linear, so
+    every mixture is feasible with them. a and b go from 0 to 1 at the phase's beginning and before
+    its motions end; where a neighbour shares no contact, or all, there is nothing to pass.
+
+    Attributes:
+        before, own, after: indices of sets of contacts; -1: no contact.
+        ramps: how many of a and b there are, 0 to 2.
+    """
+
+    before: int
+    own: int
+    after: int
+
+    @property
+    def ramps(self) -> int:
+        """How many of the two passages there are."""
+        return (self.before != self.own) + (self.after != self.own)
+
+    def weights(self, elapsed: float, over: float, ramp: float) -> dict[int, float]:
+        """The part of each set at a time since the phase began, [s]; those that are positive."""
+        ramp = min(ramp, over / max(self.ramps, 1))
+        a = 1.0 if self.before == self.own else minimum_jerk(elapsed / ramp)[0]
+        b = 0.0 if self.after == self.own else minimum_jerk((elapsed - over) / ramp + 1.0)[0]
+        found: dict[int, float] = {}
+        for k, weight in (
+            (self.before, 1.0 - a), (self.own, a * (1.0 - b)), (self.after, a * b),
+        ):  # fmt: skip
+            if weight > 0.0 and k >= 0:
+                found[k] = found.get(k, 0.0) + weight
+        return found
+
+
+def passages(modes: list[IntArray]) -> tuple[list[IntArray], list[Passage]]:
+    """Sets of contacts (N,) that are planned for, and how each phase goes through them.
+
+    Args:
+        modes: (N,) ContactMode of the fingers in each phase.
+    """
+    sets: list[IntArray] = []
+
+    def index(mode: IntArray) -> int:
+        if not mode.any():
+            return -1
+        for k, known in enumerate(sets):
+            if np.array_equal(known, mode):
+                return k
+        sets.append(mode)
+        return len(sets) - 1
+
+    def shared(k: int, other: int) -> int:
+        if not 0 <= other < len(modes):
+            return index(modes[k])
+        both = index(_RANK[np.minimum(_RANK[modes[k]], _RANK[modes[other]])])
+        return both if both >= 0 else index(modes[k])
+
+    found = [
+        Passage(shared(k, k - 1), index(mode), shared(k, k + 1)) for k, mode in enumerate(modes)
+    ]
+    return sets, found
+
+
+@final
+class _Hold:
+    """One set of contacts, with its solver: the sparsity of J is that of the kinematic tree."""
+
+    def __init__(self, kin: ExtendedKinematics, settings: ForceSettings, mode: IntArray) -> None:
+        self.fingers: IntArray = np.flatnonzero(mode)
+        chains = np.zeros((len(self.fingers), kin.robot.model.nv), dtype=np.bool_)
+        for row, i in enumerate(self.fingers):
+            carriers = kin.robot.chains[i]
+            chains[row, kin.robot.model.master[carriers[carriers >= 0]]] = True
+        self.joints: IntArray = np.flatnonzero(chains.any(axis=0))
+        m = 4 if settings.soft else 3
+        slides = mode[self.fingers] == ContactMode.SLIDING
+        size = m * len(self.fingers)
+        self.problem = GraspForceProblem(
+            G=np.zeros((6, size)),
+            J=np.zeros((size, len(self.joints))),
+            tau_e=np.zeros(len(self.joints)),
+            tau_min=settings.tau_min[self.joints],
+            tau_max=settings.tau_max[self.joints],
+            mu=np.where(slides, settings.sliding, settings.mu[self.fingers]),
+            mu_t=settings.mu_t[self.fingers] if settings.soft else None,
+            model=SOFT_FINGER if settings.soft else POINT,
+            h_e=np.zeros(6),
+            w_p=settings.w_p,
+            w_bF=settings.w_bF,
+            w_bT=settings.w_bT,
+        )
+        self.solver = ForceSolver(
+            self.problem, moves=chains[:, self.joints].T, margin=settings.margin
+        )
+        self.width = m
+        self.exact = settings.method == "exact"
+
+    def at(
+        self, robot: Kinematics, touch: Touches, tau_e: Array, wrench: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """G, J, τ_e and h_e of a tick."""
+        g, j = statics(robot, touch, self.fingers, self.joints, self.width == 4)
+        return g, j, tau_e[self.joints], wrench
+
+    def solve(self, given: tuple[Array, Array, Array, Array], start: Array | None) -> ForceStep:
+        """Verdict, c, Φ and iterations, from a start that need not balance any more."""
+        return self.solver.exact(*given) if self.exact else self.solver.solve(*given, start)
+
+
+class _Plan(NamedTuple):
+    """The solutions of a tick, mixed.
+
+    Attributes:
+        c: (N, 4) in the contact frames; None: no set could be balanced.
+        status: the gravest verdict of the sets that were asked.
+        starts, iterations, phi: as they go on and into the record.
+    """
+
+    c: Array | None
+    status: ForceStatus
+    starts: tuple[Array | None, ...]
+    iterations: int
+    phi: float
+
+
+@final
+class ForcePlanner:
+    """Plans the contact forces of a controller's ticks; holds no state between them.
+
+    Attributes:
+        payload: what the fingers carry.
+        settings: what may be asked of contacts and joints.
+    """
+
+    def __init__(
+        self, kin: ExtendedKinematics, payload: Payload, settings: ForceSettings,
+        phases: tuple[Phase, ...], dt: float,
+    ) -> None:  # fmt: skip
+        self.payload = payload
+        self.settings = settings
+        modes = [phase.mode for phase in phases]
+        self._sets, self._passages = passages(modes)
+        self._holds = [_Hold(kin, settings, mode) for mode in self._sets]
+        self._dynamics = InverseDynamics(kin.robot.model)
+        self._dt = dt
+        self._limits = settings.tau_min, settings.tau_max
+        ones = np.ones(kin.grasp.count)
+        slides = [mode == ContactMode.SLIDING for mode in modes]
+        self._friction = [
+            (np.where(s, settings.sliding, settings.mu), settings.mu_t if settings.soft else ones)
+            for s in slides
+        ]
+
+    def plan(
+        self, kin: ExtendedKinematics, t: float, phase: PhaseState, v: Array,
+        last: ForceState | None,
+    ) -> tuple[ForceRecord, ForceState]:  # fmt: skip
+        """The forces at t, where `kin` has been updated. Never raises on numbers, never NaN.
+
+        A tick without feasible forces holds the last ones, and its status says why.
+
+        Args:
+            v: (nv,) velocity commanded up to t.
+            last: from the tick before; None in the first.
+        """
+        if last is None:
+            last = ForceState(v, np.zeros((kin.grasp.count, 4)), (None,) * len(self._holds))
+        mode, gravity = kin.state.mode, self._dynamics.gravity
+        body = self.payload.body(kin.object_rotation, gravity, self._water(t, phase))
+        wrench, com = wrench_to_supply(
+            body, kin.object_rotation, kin.reference.twist, object_acceleration(t, phase.motion),
+            gravity,
+        )  # fmt: skip
+        tau_e = self._dynamics.torques(kin.robot.q, v, (v - last.v) / self._dt)
+        touch = touches(kin)
+        weights = self._passages[phase.current].weights(
+            t - phase.since, phase.motion.duration, self.settings.ramp
+        )
+        plan = self._solved(kin.robot, touch, tau_e, wrench, weights, last)
+        held = mode != ContactMode.FREE
+        c = np.where(held[:, None], last.c, 0.0) if plan.c is None else plan.c
+        if not held.any():
+            wrench = np.zeros(6)
+        out = loads(kin.robot, touch, mode, c, tau_e, self._friction[phase.current], self._limits)
+        record = ForceRecord(
+            force=out.force, spin=c[:, 3].copy(), torque=out.torque, cone_margin=out.cone_margin,
+            torque_margin=out.torque_margin, wrench=wrench, mass=body.mass,
+            com=kin.object_position + com, status=_STATUS[plan.status], iterations=plan.iterations,
+            phi=plan.phi, sum_normal=float(c[:, 2].sum()),
+        )  # fmt: skip
+        if plan.status is ForceStatus.INVALID_INPUT:
+            record = _finite(record, held)
+        return record, ForceState(v, c, plan.starts)
+
+    def problem(
+        self, robot: Kinematics, mode: IntArray, touch: Touches, v: Array, a: Array, wrench: Array
+    ) -> GraspForceProblem:
+        """What a tick asked of all its contacts; during a passage the plan lies between this and
+        the sets on either side of it.
+
+        From a log: `robot` updated at `q`, `mode` from `contact_mode`, `touch` by
+        `wbc.control.hand_statics.touches_at` from `contact_points` and `contact_normals`, `v` that
+        of the tick before, `a` its change since the one before that over dt, `wrench` from
+        `wrench_plan`. The tangents of the contacts differ from the planner's then; the cones are
+        round, so that forces in the world and all margins are the same.
+
+        Args:
+            robot: fresh; tracked frame i is finger i's tip.
+            mode: (N,) ContactMode; at least one finger must not be free.
+            v, a: (nv,) velocity and acceleration of the joints.
+            wrench: (6,) h_e about the object's origin.
+        """
+        known = (k for k, mine in enumerate(self._sets) if np.array_equal(mine, mode))
+        hold = self._holds[next(known)]
+        tau_e = self._dynamics.torques(robot.q, v, a)
+        g, j, own_tau_e, h_e = hold.at(robot, touch, tau_e, wrench)
+        return hold.problem.with_(G=g, J=j, tau_e=own_tau_e, h_e=h_e)
+
+    def _water(self, t: float, phase: PhaseState) -> float:
+        """What is left in the object, [kg]."""
+        water = self.payload.water
+        if water is None:
+            return 0.0
+        return water.mass_at(t, phase.current, phase.since, phase.motion.duration)
+
+    def _solved(
+        self, robot: Kinematics, touch: Touches, tau_e: Array, wrench: Array,
+        weights: dict[int, float], last: ForceState,
+    ) -> _Plan:  # fmt: skip
+        """All sets of a tick, each warm from its last solution; what is feasible, mixed."""
+        starts: list[Array | None] = [None] * len(self._holds)
+        c = np.zeros_like(last.c)
+        status, iterations, phi, total = ForceStatus.SOLVED, 0, 0.0, 0.0
+        for k, weight in weights.items():
+            hold = self._holds[k]
+            step = hold.solve(hold.at(robot, touch, tau_e, wrench), last.starts[k])
+            iterations += step.iterations
+            status = max(status, step.status, key=_STATUS.__getitem__)
+            if not step.status.usable:
+                starts[k] = last.starts[k]
+                continue
+            starts[k] = step.c
+            c[hold.fingers, : hold.width] += weight * step.c.reshape(-1, hold.width)
+            phi += weight * step.phi
+            total += weight
+        if weights and total == 0.0:
+            return _Plan(None, status, tuple(starts), iterations, np.inf)
+        share = total if weights else 1.0
+        return _Plan(c / share, status, tuple(starts), iterations, phi / share)
+
+
+def _finite(record: ForceRecord, held: BoolArray) -> ForceRecord:
+    """A record of numbers only, but for the cones of free fingers; 0 for what is none."""
+    clean = {
+        name: np.nan_to_num(getattr(record, name), posinf=np.inf, neginf=-np.inf)
+        for name in ("force", "torque", "cone_margin", "torque_margin", "wrench", "com")
+    }
+    clean["cone_margin"][~held] = np.nan
+    return record._replace(mass=float(np.nan_to_num(record.mass)), **clean)
