@@ -81,6 +81,7 @@ def parser() -> argparse.ArgumentParser:
     _add_plot(commands)
     _add_robot(commands)
     _add_assemble(commands)
+    _add_forces(commands)
     _add(commands, "list", "list the scenarios and robots that travel with wbc", "catalog")
     _add(commands, "schema", "print the JSON Schema of scenario files, for editors", "catalog")
     return top
@@ -146,6 +147,17 @@ def _add_assemble(commands: Any) -> None:
     assemble = _add(commands, "assemble", text, "assemble")
     assemble.add_argument("parts", metavar="PARTS.yaml", help="the parts and where each goes")
     assemble.add_argument("out", metavar="OUT.urdf", help="the file to write")
+
+
+def _add_forces(commands: Any) -> None:
+    text = "solve one grasp force problem: how hard each contact must press"
+    forces = _add(commands, "forces", text, "forces")
+    forces.add_argument("problem", metavar="PROBLEM.npz", help="G, J, torque limits, mu, h_e, ...")
+    forces.add_argument("--out", metavar="RESULT.npz", required=True, help="the file to write")
+    forces.add_argument(
+        "--method", default="newton", metavar="METHOD",
+        help="newton (default), exact, or a flow of the chapter: flow18, flow19, flow20",
+    )  # fmt: skip
 
 
 def _add_settings(command: argparse.ArgumentParser) -> None:

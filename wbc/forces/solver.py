@@ -10,7 +10,7 @@ from wbc.arrays import Array, BoolArray, IntArray
 from wbc.compiled import kernel
 from wbc.forces.arrow import add, transposed
 from wbc.forces.blocks import HandJacobian, find_blocks, pattern
-from wbc.forces.conic import NEGATIVE, POSITIVE
+from wbc.forces.conic import NEGATIVE, POSITIVE, STALLED
 from wbc.forces.inside import (
     REST,
     imbalance,
@@ -67,10 +67,10 @@ def _optimum(
     given: Constraints, barrier: Barrier, rest: float, warm: bool, u: Array, tau: Array
 ) -> tuple[int, int]:
     """The optimum of Φ: from u if warm; else, or if that fails, from a point of phase I."""
-    code, used, most = OUTSIDE, 0, int(_WARM)
+    code, used, most, want = OUTSIDE, 0, int(_WARM), int(POINT)
     for attempt in range(2):
         if attempt == 1:
-            code, more, room = settle(given, POINT, rest, _VERDICT, u)
+            code, more, room = settle(given, want, rest, _VERDICT, u)
             used, most = used + more, int(_MOST)
             if code != NEGATIVE:
                 infeasible = code == POSITIVE or (code != UNRANKED and room < 0.0)
@@ -117,7 +117,7 @@ def answer(
     else:
         tolerance = _COARSE if question == LOAD else _TOLERANCE
         code, used, bound = settle(given, question, rest, tolerance, u)
-        code = _CODES[code]
+        code = _INFEASIBLE if code == STALLED and question == POINT and bound < 0 else _CODES[code]
     for k in range(m):
         out[rows[k]] = u[k] * scale[k]
     transposed(given.shape, given.jacobian, u, tau)
@@ -175,6 +175,10 @@ class ForceSolver:
         """
         begin = _NO_START if start is None else start
         return self._asked(OPTIMUM, G, J, tau_e, h_e, begin)
+
+    def inside(self, G: Array, J: Array | HandJacobian, tau_e: Array, h_e: Array) -> ForceStep:
+        """A point of phase I: balanced, and well inside every cone and limit; not optimal."""
+        return self._asked(POINT, G, J, tau_e, h_e, _NO_START)
 
     def exact(self, G: Array, J: Array | HandJacobian, tau_e: Array, h_e: Array) -> ForceStep:
         """The least Σ c_z on the same constraints, to a certified gap of 1e-7."""
