@@ -19,7 +19,7 @@ from .runs import Run, check_laws, simulate
 
 NAMES = resources.names("tasks")
 HORIZON = 0.2  # [s]
-NEW = ("dual_arm_reach", "two_arms", "priorities", "in_hand_sliding", "regrasp")
+NEW = ("dual_arm_reach", "two_arms", "priorities", "in_hand_sliding", "regrasp", "bottle_pouring")
 
 
 def built(name: str) -> Assembly:
