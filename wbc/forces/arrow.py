@@ -275,3 +275,13 @@ def unbalanced(gt: Array, x: Array, h: Array, out: Array) -> None:
     for i in range(len(x)):
         for k in range(6):
             out[k] += gt[i, k] * x[i]
+
+
+@kernel
+def largest_term(gt: Array, x: Array, h: Array) -> float:
+    """The largest entry of h and of the components' parts in G x: what balance is relative to."""
+    size = max(largest(h), 1e-300)
+    for i in range(len(x)):
+        for k in range(6):
+            size = max(size, abs(gt[i, k] * x[i]))
+    return size

@@ -22,7 +22,17 @@ import numpy as np
 
 from wbc.arrays import Array, IntArray
 from wbc.compiled import kernel
-from wbc.forces.arrow import add, add_product, dot, largest, room_for, solve, transposed, unbalanced
+from wbc.forces.arrow import (
+    add,
+    add_product,
+    dot,
+    largest,
+    largest_term,
+    room_for,
+    solve,
+    transposed,
+    unbalanced,
+)
 from wbc.forces.blocks import HandJacobian
 from wbc.forces.cones import side, times
 from wbc.forces.interior import (
@@ -135,13 +145,13 @@ def conic(
     add(1.0, u, at.u)
     at.p[0] = p if ask.with_p else 0.0
     tau, dual, rx, ry = np.empty(l_joints), np.empty(m), np.empty(m), np.empty(6)
-    size, degree, best, stationary = max(largest(given.h), 1e-300), n, -np.inf, False
+    degree, best, stationary = n, -np.inf, False
     for k in range(2):
         for j in range(l_joints):
             degree += int(ask.a[k, j] >= 0.0)
     degree += int(ask.with_p)
     code, used, polished, value = STALLED, most, 0, np.inf
-    good_balance = (_BALANCED_P if ask.with_p else _BALANCED) * size
+    size, good_balance = 0.0, _BALANCED_P if ask.with_p else _BALANCED
     for iteration in range(most):
         slacks(given, ask, at, tau)
         if iteration == 0:
@@ -160,11 +170,12 @@ def conic(
         best = max(best, _bound(contact, ask, at, dual, bound, least))
         gap, value, p = gap_after(at, step, 0.0, 0.0), dot(ask.f, at.u) + at.p[0], at.p[0]
         rp = 1.0 - at.p[2] + dot(ask.g, at.nu) - opening(contact, ask, at.z, at.zb)
+        size = largest_term(given.gt, at.u, given.h)
         balanced = largest(ry) <= 1e-3 * tolerance * size
         closed = value - best <= tolerance * max(abs(value), 1e-6) and largest(ry) <= 1e-4 * size
         used = iteration
         if closed and (balanced or polished == _POLISH):
-            code = OPTIMAL if balanced or largest(ry) <= good_balance else STALLED
+            code = OPTIMAL if balanced or largest(ry) <= good_balance * size else STALLED
             break
         if ask.sign_of_p and bound > max(-least, 0.0) * _MOST_FORCE * size:
             code, best = POSITIVE, bound
@@ -197,7 +208,7 @@ def conic(
         add(step_z, step.zb[1], at.zb[1])
         add(step_z, step.nu, at.nu)
         at.p[2] += step_z * step.p[2]
-    if code == STALLED and largest(ry) <= good_balance:  # to rounding, on most problems
+    if code == STALLED and largest(ry) <= good_balance * size:  # to rounding, on most problems
         code = OPTIMAL if value - best <= 10.0 * tolerance * max(abs(value), 1e-6) else STALLED
     u[:] = at.u
     return code, used, at.p[0], best

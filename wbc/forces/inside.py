@@ -14,7 +14,7 @@ import numpy as np
 
 from wbc.arrays import Array, IntArray
 from wbc.compiled import kernel
-from wbc.forces.arrow import Shape
+from wbc.forces.arrow import Shape, largest, largest_term, unbalanced
 from wbc.forces.blocks import Blocks, HandJacobian, pattern
 from wbc.forces.cones import side
 from wbc.forces.cost import moment_arm
@@ -194,13 +194,6 @@ def margins(
 @kernel
 def imbalance(given: Constraints, u: Array) -> float:
     """|G u − h| over the largest of |h| and |G_i u_i|, entries of components."""
-    error, size = 0.0, 1e-300
-    for k in range(6):
-        rest = -given.h[k]
-        size = max(size, abs(rest))
-        for i in range(len(u)):
-            term = given.gt[i, k] * u[i]
-            rest += term
-            size = max(size, abs(term))
-        error = max(error, abs(rest))
-    return error / size
+    rest = np.empty(6)
+    unbalanced(given.gt, u, given.h, rest)
+    return largest(rest) / largest_term(given.gt, u, given.h)

@@ -217,9 +217,9 @@ def _next_error(
 ) -> float:
     """What Φ will be above its optimum after the full step d, estimated.
 
-    For one term w/x a Newton step δ x leaves an excess of 9/4 δ⁴ w/x: summed over the terms
-    1 / (z ± |s|) of the cones, in which turning s counts by how it bends the wall, and over
-    1 / (distance to a torque limit).
+    A Newton step leaves ½ tᵀH⁻¹t with t half the third derivative along d twice. One term w/x, with
+    x to second order x + dx − dy²/2r (a cone's wall is bent across s), gives, with a = dx/x and
+    e = dy²/rx, no more than w/x (¼ (3 a² + e)² + 2 a² e); a torque limit's wall is flat, e = 0.
     """
     contact, weight, total = given.shape.contact, barrier.weight, 0.0
     for i in range(len(contact) - 1):
@@ -233,18 +233,19 @@ def _next_error(
                 moved += d[k] * d[k]
         s = np.sqrt(square)
         ds = along / s if s > 0.0 else 0.0
-        low, high = z - s, z + s
-        bend = max(moved - ds * ds, 0.0) / max(s, 0.1 * z)
-        a = (abs(dz - ds) + bend) / low
-        b = (abs(dz + ds) + bend) / high
-        total += 0.5 * barrier.friction[i] * (a * a * a * a / low + b * b * b * b / high)
+        bend = max(moved - ds * ds, 0.0) / max(s, z / 3.0)
+        for sign in range(-1, 2, 2):
+            x = z + sign * s
+            a, e = (dz + sign * ds) / x, bend / x
+            a *= a
+            total += 0.5 * barrier.friction[i] / x * (0.25 * (3.0 * a + e) ** 2 + 2.0 * a * e)
     for side in range(2):
         for j in range(len(tau)):
             if weight[side, j] > 0.0:
                 distance = abs(tau[j] - given.limit[side, j])
                 a = dtau[j] / distance
-                total += weight[side, j] / distance * a * a * a * a
-    return 2.25 * total
+                total += 2.25 * weight[side, j] / distance * a * a * a * a
+    return total
 
 
 @kernel

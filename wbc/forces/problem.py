@@ -218,8 +218,9 @@ def _values(
     if array.ndim != len(shape) or any(
         want is not None and want != got for want, got in zip(shape, array.shape, strict=True)
     ):
-        want_text = "(" + ", ".join("any" if k is None else str(k) for k in shape) + ")"
-        raise WbcError(f"{name} has shape {array.shape}, expected {want_text}")
+        want_text = ", ".join("any" if k is None else str(k) for k in shape)
+        want_text += "," * (len(shape) == 1)
+        raise WbcError(f"{name} has shape {array.shape}, expected ({want_text})")
     bad = ~np.isfinite(array) if finite else np.isnan(array)
     if bad.any():
         where = tuple(int(k) for k in np.argwhere(bad)[0])

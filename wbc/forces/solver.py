@@ -111,9 +111,11 @@ def answer(
         return _NOT_FINITE, 0
     u, tau, bound, rest = np.zeros(m), np.zeros(len(joints)), np.nan, fixed[REST]
     if question == OPTIMUM:
-        for k in range(m if len(start) == m else 0):
+        warm = len(start) == m
+        for k in range(m if warm else 0):
             u[k] = start[rows[k]] / scale[k]
-        code, used = _optimum(given, barrier, rest, len(start) == m, u, tau)
+            warm &= np.isfinite(u[k])
+        code, used = _optimum(given, barrier, rest, warm, u, tau)
     else:
         tolerance = _COARSE if question == LOAD else _TOLERANCE
         code, used, bound = settle(given, question, rest, tolerance, u)
