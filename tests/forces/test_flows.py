@@ -71,6 +71,14 @@ def test_balance_is_kept_over_many_steps(flow: Callable) -> None:
 
 
 @pytest.mark.parametrize("flow", FLOWS)
+def test_at_the_optimum_it_stays_in_balance(flow: Callable) -> None:
+    """There the projected gradient is rounding, of which a part is out of the null space."""
+    for problem in pouring(load=1.0, dt=0.25):
+        found = flow(problem, reference.optimum(problem), tolerance=0.0, most=50)
+        assert found.balance < 1e-11
+
+
+@pytest.mark.parametrize("flow", FLOWS)
 def test_symmetric_problem_symmetric_solution(flow: Callable) -> None:
     # three fingers around a ring that only hangs: each carries a third
     angle = 2.0 * np.pi * np.arange(3) / 3.0

@@ -8,9 +8,9 @@ import pytest
 from wbc.arrays import Array
 from wbc.forces import POINT, SOFT_FINGER, ForceStatus
 from wbc.forces.cost import balance_error, cone_margins, torque_margins
-from wbc.forces.flow_kernels import assemble, fixed, tick
+from wbc.forces.flow_kernels import assemble, fixed, lifting, tick
 from wbc.forces.flows import track
-from wbc.forces.initial_point import between, initial_point, lifting
+from wbc.forces.initial_point import between, initial_point
 
 from . import reference
 from .problems import pouring, two_hands

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from wbc.forces import ForceStatus
+from wbc.forces import ForceStatus, GraspForceProblem
 from wbc.forces.cost import cost
 from wbc.forces.flows import track
 from wbc.forces.selection import active_after, select, track_selected
@@ -103,7 +103,7 @@ def test_a_bound_left_out_that_breaks_is_put_back() -> None:
     np.testing.assert_array_equal(every.solution.c, track(tight, start, tight).c)
 
 
-def _tightened(problem):  # type: ignore[no-untyped-def]
+def _tightened(problem: GraspForceProblem) -> GraspForceProblem:
     """Limits that the optimum without limits breaks, but some forces keep."""
     free = problem.with_(tau_min=np.full(30, -np.inf), tau_max=np.full(30, np.inf))
     tau = problem.J.T @ reference.optimum(free) + problem.tau_e

@@ -173,6 +173,17 @@ def full_rank(g: Array) -> bool:
 
 
 @kernel
+def lifting(g: Array, inverse: Array) -> Array:
+    """(M, 6) G^# = W_G⁻¹ Gᵀ (G W_G⁻¹ Gᵀ)⁻¹ (23), `inverse` the diagonal of W_G⁻¹.
+
+    Printed without the transpose of the first G.
+    """
+    half = g * inverse
+    lift: Array = np.linalg.solve(half @ g.T, half).T.copy()
+    return lift
+
+
+@kernel
 def projector(method: int, printed: bool, g: Array, b: Array) -> Array:
     """(M, M + k) the rows of Q (17), or of Q̄ (20), that give the change of u from ξ."""
     m, k = g.shape[1], b.shape[0]
@@ -288,6 +299,7 @@ def flow(
 ) -> tuple[Array, bool, int]:  # fmt: skip
     """Steps of (18), (19) or (20) from u (M,) inside: the end, whether optimal, steps taken."""
     q = projector(method, printed, rows.g, rows.b)
+    lift = lifting(rows.g, np.ones(len(u)))
     slack = rows.b @ u + rows.free
     value = phi(fix, barrier, u, slack)
     xi = np.empty(len(u) + len(slack))
@@ -295,6 +307,7 @@ def flow(
     for step in range(most):
         downhill(fix, barrier, u, slack, xi)
         du = q @ xi
+        du -= lift @ (rows.g @ du)  # at the optimum du is the rounding of q ξ, out of balance
         db = rows.b @ du
         if method == FLOW19:
             norm = dikin_norm(fix, u, slack, du, db)

@@ -20,6 +20,7 @@ from wbc.forces.flow_kernels import (
     fixed,
     flow,
     full_rank,
+    lifting,
     phi,
     tick,
 )
@@ -67,17 +68,6 @@ def initial_point(
     lift = lifting(now.g, inverse)
     gamma, u = approach(fix, before, now, lift, now.g @ u, u, 0.0)
     return InitialPoint(fix.scale * u, gamma)
-
-
-@kernel
-def lifting(g: Array, inverse: Array) -> Array:
-    """(M, 6) G^# = W_G⁻¹ Gᵀ (G W_G⁻¹ Gᵀ)⁻¹ (23), `inverse` the diagonal of W_G⁻¹.
-
-    Printed without the transpose of the first G.
-    """
-    half = g * inverse
-    lift: Array = np.linalg.solve(half @ g.T, half).T.copy()
-    return lift
 
 
 @kernel

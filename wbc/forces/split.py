@@ -114,12 +114,8 @@ def tracked_split(
     method: int, weighted: bool, tolerance: float, most: int,
 ) -> tuple[Tracked, Array]:  # fmt: skip
     """As `split`; hand (M,) of each component."""
-    then, here = assemble(fix, before), assemble(fix, now)
-    u = c / fix.scale
-    delta = rooms(then.b, then.b @ u + then.free, hand)
-    share = delta / delta.sum()
-    inverse = share[hand] if weighted else np.ones(len(hand))  # W_G⁻¹ (22), M_h of each hand
-    common = arrived(fix, then, here, c, inverse, method, False, most)
+    here = assemble(fix, now)
+    common, share = common_point(fix, before, now, hand, c, method, weighted, most)
     if common.code != DONE:
         return common, share
     u, steps, code = common.u.copy(), common.steps, DONE
@@ -135,6 +131,20 @@ def tracked_split(
         if not done:
             code = MOST_STEPS
     return Tracked(u, 1.0, steps, code), share
+
+
+@kernel
+def common_point(
+    fix: Fixed, before: Tick, now: Tick, hand: IntArray, c: Array,
+    method: int, weighted: bool, most: int,
+) -> tuple[Tracked, Array]:  # fmt: skip
+    """The point of (21) that the hands begin from, and (H,) their shares."""
+    then, here = assemble(fix, before), assemble(fix, now)
+    u = c / fix.scale
+    delta = rooms(then.b, then.b @ u + then.free, hand)
+    share = delta / delta.sum()
+    inverse = share[hand] if weighted else np.ones(len(hand))  # W_G⁻¹ (22), M_h of each hand
+    return arrived(fix, then, here, c, inverse, method, False, most), share
 
 
 @kernel
