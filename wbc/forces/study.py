@@ -14,13 +14,13 @@ import numpy as np
 
 from wbc.arrays import Array, BoolArray, IntArray
 from wbc.forces import cost
-from wbc.forces.blocks import find_blocks
+from wbc.forces.blocks import find_blocks, pattern
 from wbc.forces.flow_kernels import DONE, Fixed, Tick, assemble, fixed, tick
 from wbc.forces.flows import METHODS, MOST, TOLERANCE
 from wbc.forces.inside import pack
 from wbc.forces.problem import GraspForceProblem
 from wbc.forces.selection import active_after, tracked_selected
-from wbc.forces.solver import answer_dense
+from wbc.forces.solver import OPTIMUM, answer
 from wbc.forces.split import by_component, common_point, rooms, tracked_split
 
 
@@ -46,7 +46,7 @@ class Case:
     method: str = "flow18"
 
 
-_SOLVED = 0  # what `answer_dense` says
+_SOLVED = 0  # what `wbc.forces.solver.answer` says
 
 ALL = Case("all")
 CASES = (
@@ -147,14 +147,16 @@ def _newton(
     place = np.searchsorted(problem.limited, blocks.joints)
     at = slice(2 + size + 2 * joints, 2 + size + 4 * joints)
     weight = packed[at].copy()
+    own, shared = (np.empty(entries.shape) for entries in pattern(problem, blocks))
     out = np.empty(size + problem.contacts + 2 * problem.joints + 5)
     seconds, steps = 0.0, 0
     while True:
         packed[at] = weight * active.reshape(2, -1)[:, place].ravel()
         begin = clock()
-        code, used = answer_dense(
-            layout, packed, problem.G, problem.J, problem.tau_e, problem.h_e, c, 0, out
-        )
+        code, used = answer(
+            layout, packed, problem.G, problem.J, own, shared, problem.tau_e, problem.h_e, c,
+            OPTIMUM, out,
+        )  # fmt: skip
         seconds, steps = seconds + clock() - begin, steps + used
         found = out[:size].copy()
         tau = cost.torques(problem, found)[problem.limited]
