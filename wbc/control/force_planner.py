@@ -169,8 +169,15 @@ class _Hold:
         return g, j, tau_e[self.joints], wrench
 
     def solve(self, given: tuple[Array, Array, Array, Array], start: Array | None) -> ForceStep:
-        """Verdict, c, Φ and iterations, from a start that need not balance any more."""
-        return self.solver.exact(*given) if self.exact else self.solver.solve(*given, start)
+        """Verdict, c, Φ and iterations, from a start that need not balance any more.
+
+        Where the exact method misses its certificate, Newton's plan: it keeps every limit.
+        """
+        if self.exact:
+            step = self.solver.exact(*given)
+            if step.status is not ForceStatus.NOT_BALANCED:
+                return step
+        return self.solver.solve(*given, start)
 
 
 class _Plan(NamedTuple):
@@ -223,7 +230,8 @@ class ForcePlanner:
     ) -> tuple[ForceRecord, ForceState]:  # fmt: skip
         """The forces at t, where `kin` has been updated. Never raises on numbers, never NaN.
 
-        A tick without feasible forces holds the last ones, and its status says why.
+        A tick without feasible forces holds the last ones, and its status says why: they need not
+        balance, nor be inside all limits, where the hand is now, and the margins say by how much.
 
         Args:
             v: (nv,) velocity commanded up to t.
