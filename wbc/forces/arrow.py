@@ -32,10 +32,11 @@ class Matrix(NamedTuple):
     """Room for one matrix and its factors.
 
     Attributes:
-        hessian: the blocks of B one after the other, each (R, R), then their factors L.
+        hessian: (M, widest) the blocks of B, each in the rows of its components; then their
+            factors L, with the inverses of the pivots on the diagonal.
         across: (M, 6 + n_a) Kᵀ.
         y: (M, 6 + n_a) L⁻¹ Kᵀ.
-        s: (6 + n_a, 6 + n_a) factor of S.
+        s: (6 + n_a, 6 + n_a) factor of S, likewise.
     """
 
     hessian: Array
@@ -47,13 +48,13 @@ class Matrix(NamedTuple):
 @kernel
 def room_for(shape: Shape, shared: int) -> Matrix:
     """An empty matrix."""
-    entries = 0
+    widest = 0
     for b in range(len(shape.block) - 1):
         size = shape.contact[shape.block[b + 1]] - shape.contact[shape.block[b]]
-        entries += size * size
+        widest = max(widest, size)
     rows, columns = shape.contact[-1], 6 + shared
     return Matrix(
-        np.empty(entries), np.empty((rows, columns)), np.empty((rows, columns)),
+        np.empty((rows, widest)), np.empty((rows, columns)), np.empty((rows, columns)),
         np.empty((columns, columns)),
     )  # fmt: skip
 
@@ -84,45 +85,45 @@ def add(factor: float, x: Array, out: Array) -> None:
 
 
 @kernel
-def cholesky(a: Array, rank: float) -> bool:
-    """Replace the lower triangle of a (n, n) by its Cholesky factor.
+def cholesky(a: Array, first: int, n: int, rank: float) -> bool:
+    """Factor the lower triangle of the n columns of rows [first, first + n) of a in place.
 
     Returns:
-        False where a pivot is not positive, or below rank times its diagonal entry.
+        False where a pivot is not positive, or below rank times its diagonal entry. The diagonal is
+        replaced by the inverses of the factor's.
     """
-    n = a.shape[0]
     for j in range(n):
-        least = rank * a[j, j]
-        pivot = a[j, j]
+        row = first + j
+        pivot = a[row, j]
+        least = rank * pivot
         for k in range(j):
-            pivot -= a[j, k] * a[j, k]
+            pivot -= a[row, k] * a[row, k]
         if not (pivot > 0.0 and pivot >= least):
             return False
-        root = np.sqrt(pivot)
-        a[j, j] = root
-        inverse = 1.0 / root
-        for i in range(j + 1, n):
+        inverse = 1.0 / np.sqrt(pivot)
+        a[row, j] = inverse
+        for i in range(row + 1, first + n):
             rest = a[i, j]
             for k in range(j):
-                rest -= a[i, k] * a[j, k]
+                rest -= a[i, k] * a[row, k]
             a[i, j] = rest * inverse
     return True
 
 
 @kernel
 def back_substitute(lower: Array, x: Array) -> None:
-    """x = (L Lᵀ)⁻¹ x in place, over the size of lower."""
+    """x = (L Lᵀ)⁻¹ x in place, with lower as `cholesky` leaves it."""
     n = lower.shape[0]
     for i in range(n):
         rest = x[i]
         for j in range(i):
             rest -= lower[i, j] * x[j]
-        x[i] = rest / lower[i, i]
+        x[i] = rest * lower[i, i]
     for i in range(n - 1, -1, -1):
         rest = x[i]
         for j in range(i + 1, n):
             rest -= lower[j, i] * x[j]
-        x[i] = rest / lower[i, i]
+        x[i] = rest * lower[i, i]
 
 
 @kernel
@@ -132,36 +133,34 @@ def factor(shape: Shape, matrix: Matrix, rank: float) -> bool:
     Args:
         rank: least pivot of S, relative.
     """
-    across, y, s = matrix.across, matrix.y, matrix.s
+    contact, block, _ = shape
+    lower, across, y, s = matrix
     q = s.shape[0]
     for i in range(q):
         for j in range(i + 1):
             s[i, j] = 0.0
         if i >= 6:
             s[i, i] = 1.0
-    at = 0
-    for b in range(len(shape.block) - 1):
-        first, last = shape.contact[shape.block[b]], shape.contact[shape.block[b + 1]]
-        size = last - first
-        lower = matrix.hessian[at : at + size * size].reshape(size, size)
-        at += size * size
-        if not cholesky(lower, 0.0):
+    for b in range(len(block) - 1):
+        first, last = contact[block[b]], contact[block[b + 1]]
+        if not cholesky(lower, first, last - first, 0.0):
             return False
-        for i in range(size):
-            inverse = 1.0 / lower[i, i]
+        for i in range(first, last):
+            inverse = lower[i, i - first]
             for k in range(q):
-                y[first + i, k] = across[first + i, k]
-            for j in range(i):
+                y[i, k] = across[i, k]
+            for j in range(first, i):
+                along = lower[i, j - first]
                 for k in range(q):
-                    y[first + i, k] -= lower[i, j] * y[first + j, k]
+                    y[i, k] -= along * y[j, k]
             for k in range(q):
-                y[first + i, k] *= inverse
+                y[i, k] *= inverse
             for k in range(q):
-                left = y[first + i, k]
+                left = y[i, k]
                 if left != 0.0:  # 0: a joint of the other hand
                     for j in range(k + 1):
-                        s[k, j] += left * y[first + i, j]
-    return cholesky(s, rank)
+                        s[k, j] += left * y[i, j]
+    return cholesky(s, 0, q, rank)
 
 
 @kernel
@@ -171,38 +170,31 @@ def solve(shape: Shape, matrix: Matrix, r1: Array, r2: Array, x: Array, nu: Arra
     Args:
         r1: (M,), r2: (6,) right-hand sides.
     """
-    contact, block, y = shape.contact, shape.block, matrix.y
+    contact, block, _ = shape
+    lower, _, y, s = matrix
     q = len(nu)
     for k in range(q):
         nu[k] = -r2[k] if k < 6 else 0.0
-    at = 0
     for b in range(len(block) - 1):  # x = L⁻¹ r₁, and its part in the few unknowns
-        first = contact[block[b]]
-        size = contact[block[b + 1]] - first
-        lower = matrix.hessian[at : at + size * size].reshape(size, size)
-        at += size * size
-        for i in range(size):
-            rest = r1[first + i]
-            for j in range(i):
-                rest -= lower[i, j] * x[first + j]
-            rest /= lower[i, i]
-            x[first + i] = rest
+        first, last = contact[block[b]], contact[block[b + 1]]
+        for i in range(first, last):
+            rest = r1[i]
+            for j in range(first, i):
+                rest -= lower[i, j - first] * x[j]
+            rest *= lower[i, i - first]
+            x[i] = rest
             for k in range(q):
-                nu[k] += y[first + i, k] * rest
-    back_substitute(matrix.s, nu)
-    at = 0
+                nu[k] += y[i, k] * rest
+    back_substitute(s, nu)
     for b in range(len(block) - 1):
-        first = contact[block[b]]
-        size = contact[block[b + 1]] - first
-        lower = matrix.hessian[at : at + size * size].reshape(size, size)
-        at += size * size
-        for i in range(size - 1, -1, -1):
-            rest = x[first + i]
+        first, last = contact[block[b]], contact[block[b + 1]]
+        for i in range(last - 1, first - 1, -1):
+            rest = x[i]
             for k in range(q):
-                rest -= y[first + i, k] * nu[k]
-            for j in range(i + 1, size):
-                rest -= lower[j, i] * x[first + j]
-            x[first + i] = rest / lower[i, i]
+                rest -= y[i, k] * nu[k]
+            for j in range(i + 1, last):
+                rest -= lower[j, i - first] * x[j]
+            x[i] = rest * lower[i, i - first]
 
 
 @kernel
@@ -210,21 +202,20 @@ def add_joints(shape: Shape, jacobian: HandJacobian, curvature: Array, matrix: M
     """Add Σ_j curvature_j J_j J_jᵀ: own joints to their blocks, shared ones as columns of Kᵀ."""
     contact, block, joint = shape
     own, shared = jacobian
-    at, value = 0, 0
+    hessian, across, _, _ = matrix
+    value = 0
     for b in range(len(block) - 1):
-        size = contact[block[b + 1]] - contact[block[b]]
-        part = matrix.hessian[at : at + size * size].reshape(size, size)
-        at += size * size
+        first, last = contact[block[b]], contact[block[b + 1]]
         for j in range(joint[b], joint[b + 1]):
-            for i in range(size):
+            for i in range(last - first):
                 weighted = curvature[j] * own[value + i]
                 for k in range(i + 1):
-                    part[i, k] += weighted * own[value + k]
-            value += size
+                    hessian[first + i, k] += weighted * own[value + k]
+            value += last - first
     for a in range(shared.shape[0]):
         root = np.sqrt(curvature[joint[-1] + a])
         for i in range(shared.shape[1]):
-            matrix.across[i, 6 + a] = root * shared[a, i]
+            across[i, 6 + a] = root * shared[a, i]
 
 
 @kernel

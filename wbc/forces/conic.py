@@ -34,7 +34,7 @@ from wbc.forces.arrow import (
     unbalanced,
 )
 from wbc.forces.blocks import HandJacobian
-from wbc.forces.cones import side, times
+from wbc.forces.cones import cone_margins, times
 from wbc.forces.interior import (
     SIGN,
     Point,
@@ -84,10 +84,7 @@ def certificate(
         for k in range(6):
             cones[i] += given.gt[i, k] * nu[k]
     add_product(given.shape, given.jacobian, pull, cones)
-    least = np.inf
-    for i in range(len(contact) - 1):
-        least = min(least, cones[contact[i] + 2] - side(cones, contact[i], contact[i + 1]))
-    return value, least
+    return value, cone_margins(contact, cones, np.empty(len(contact) - 1))
 
 
 @kernel
@@ -95,8 +92,7 @@ def _rebalance(given: Constraints, ask: Question, at: Point, by: Scaling, ry: Ar
     """Move u to balance, by the shortest way in the present scaling."""
     shape, step = given.shape, new_point(len(at.u), at.sb.shape[1], len(by.nu_p))
     solve(shape, by.matrix, np.zeros(len(at.u)), -ry, step.u, step.nu)
-    for i in range(len(by.eta)):
-        times(by.w, by.eta[i], step.u, shape.contact[i], shape.contact[i + 1], False, step.u)
+    times(shape.contact, 0, len(by.eta), by.w, by.eta, step.u, 0, False, step.u)
     transposed(shape, given.jacobian, step.u, step.sb[0])
     add(-1.0, step.sb[0], step.sb[1])
     add(1.0, step.u, step.s)

@@ -16,7 +16,7 @@ from wbc.arrays import Array, IntArray
 from wbc.compiled import kernel
 from wbc.forces.arrow import Shape, largest, largest_term, unbalanced
 from wbc.forces.blocks import Blocks, HandJacobian, pattern
-from wbc.forces.cones import side
+from wbc.forces.cones import cone_margins
 from wbc.forces.cost import moment_arm
 from wbc.forces.newton import Barrier, Constraints
 from wbc.forces.problem import GraspForceProblem
@@ -183,11 +183,12 @@ def margins(
         margin = min(tau[j] - limit[0, j], limit[1, j] - tau[j])
         torque_margin[joints[j]] = margin
         room = min(room, 2.0 * margin / (limit[1, j] - limit[0, j]))
-    for i in range(len(contact) - 1):
-        first, last = contact[i], contact[i + 1]
-        margin = u[first + 2] - side(u, first, last)
-        cone_margin[order[i]] = margin
-        room = min(room, margin / u[first + 2] if u[first + 2] > 0.0 else margin)
+    cones = np.empty(len(order))
+    cone_margins(contact, u, cones)
+    for i in range(len(order)):
+        z = u[contact[i] + 2]
+        cone_margin[order[i]] = cones[i]
+        room = min(room, cones[i] / z if z > 0.0 else cones[i])
     return room
 
 

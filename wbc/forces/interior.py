@@ -20,7 +20,7 @@ from wbc.forces.arrow import (
     transposed,
 )
 from wbc.forces.blocks import HandJacobian
-from wbc.forces.cones import cone_step, correction, divide, scaling, side, times
+from wbc.forces.cones import complement, cone_step, scaling, times, times_rows
 from wbc.forces.newton import Constraints
 
 SIGN = (1.0, -1.0)
@@ -145,11 +145,13 @@ def first_multipliers(contact: IntArray, ask: Question, at: Point) -> None:
     if not ask.with_p:
         return
     for i in range(n):
-        first, last = contact[i], contact[i + 1]
-        head = first + 2
-        length = side(at.s, first, last)
+        head, square = contact[i] + 2, 0.0
+        for k in range(contact[i], contact[i + 1]):
+            if k != head:
+                square += at.s[k] * at.s[k]
+        length = np.sqrt(square)
         square = (at.s[head] - length) * (at.s[head] + length)
-        for k in range(first, last):
+        for k in range(contact[i], contact[i + 1]):
             at.z[k] = (at.s[k] if k == head else -at.s[k]) / square
     centre = 1.0 / (opening(contact, ask, at.z, at.zb) + 1.0 / at.p[1])  # p has weight 1
     for k in range(len(at.z)):
@@ -164,52 +166,36 @@ def _scale_rows(given: Constraints, by: Scaling) -> None:
     """W Gᵀ into the first columns of Kᵀ, and W J."""
     contact, block, joint = given.shape
     own, shared = given.jacobian
-    column = np.empty(len(by.w))
-    for k in range(6):
-        for i in range(len(column)):
-            column[i] = given.gt[i, k]
-        for i in range(len(by.eta)):
-            times(by.w, by.eta[i], column, contact[i], contact[i + 1], False, column)
-        for i in range(len(column)):
-            by.matrix.across[i, k] = column[i]
+    times_rows(contact, by.w, by.eta, given.gt, by.matrix.across)
     for a in range(shared.shape[0]):
-        for i in range(len(by.eta)):
-            times(
-                by.w, by.eta[i], shared[a], contact[i], contact[i + 1], False,
-                by.jacobian.shared[a],
-            )  # fmt: skip
+        times(contact, 0, len(by.eta), by.w, by.eta, shared[a], 0, False, by.jacobian.shared[a])
     value = 0
     for b in range(len(block) - 1):
-        first = contact[block[b]]
-        size = contact[block[b + 1]] - first
+        first, last = contact[block[b]], contact[block[b + 1]]
         for _ in range(joint[b], joint[b + 1]):
-            for i in range(size):
-                column[first + i] = own[value + i]
-            for i in range(block[b], block[b + 1]):
-                times(by.w, by.eta[i], column, contact[i], contact[i + 1], False, column)
-            for i in range(size):
-                by.jacobian.own[value + i] = column[first + i]
-            value += size
+            times(
+                contact, block[b], block[b + 1], by.w, by.eta, own, value - first, False,
+                by.jacobian.own,
+            )  # fmt: skip
+            value += last - first
 
 
 @kernel
 def _identity(shape: Shape, hessian: Array) -> None:
-    at = 0
-    for b in range(len(shape.block) - 1):
-        size = shape.contact[shape.block[b + 1]] - shape.contact[shape.block[b]]
-        for i in range(size):
-            for k in range(size):
-                hessian[at + size * i + k] = 1.0 if i == k else 0.0
-        at += size * size
+    contact, block, _ = shape
+    for b in range(len(block) - 1):
+        first, last = contact[block[b]], contact[block[b + 1]]
+        for i in range(first, last):
+            for k in range(last - first):
+                hessian[i, k] = 1.0 if i - first == k else 0.0
 
 
 @kernel
 def factored(given: Constraints, ask: Question, at: Point, by: Scaling) -> bool:
     """Scale and factor at a point; with p also its column."""
     contact, l_joints = given.shape.contact, at.sb.shape[1]
-    for i in range(len(by.eta)):
-        by.eta[i] = scaling(at.s, at.z, contact[i], contact[i + 1], by.w)
-        times(by.w, by.eta[i], at.z, contact[i], contact[i + 1], False, by.lam)
+    scaling(contact, at.s, at.z, by.w, by.eta)
+    times(contact, 0, len(by.eta), by.w, by.eta, at.z, 0, False, by.lam)
     _scale_rows(given, by)
     curvature, mixed, pivot = np.zeros(l_joints), np.zeros(l_joints), 0.0
     for k in range(2):
@@ -227,9 +213,9 @@ def factored(given: Constraints, ask: Question, at: Point, by: Scaling) -> bool:
     if ask.with_p:
         for k in range(len(by.q)):
             by.q[k] = 0.0
-        for i in range(len(by.eta)):  # W⁻¹ e
+        for i in range(len(by.eta)):
             by.q[contact[i] + 2] = ask.e[i]
-            times(by.w, by.eta[i], by.q, contact[i], contact[i + 1], True, by.q)
+        times(contact, 0, len(by.eta), by.w, by.eta, by.q, 0, True, by.q)
         pivot += at.p[2] / at.p[1] + dot(by.q, by.q)
         add_product(given.shape, by.jacobian, mixed, by.q)
         solve(given.shape, by.matrix, by.q, ask.g, by.x_p, by.nu_p)
@@ -246,15 +232,7 @@ def _push(
 
     λ ∘ (W t) = centre e − λ∘λ − weight (W⁻¹ds)∘(W dz), and so for the limits and p.
     """
-    c1, c2 = np.empty(len(t)), np.empty(len(t))
-    for i in range(len(by.eta)):
-        first, last = contact[i], contact[i + 1]
-        times(by.w, by.eta[i], step.s, first, last, True, c1)
-        times(by.w, by.eta[i], step.z, first, last, False, c2)
-        correction(by.lam, c1, c2, centre, weight, first, last, t)
-        divide(by.lam, t, first, last, c1)
-        for k in range(first, last):
-            t[k] = c1[k]
+    complement(contact, by.w, by.eta, by.lam, step.s, step.z, centre, weight, t)
     for k in range(2):
         for j in range(tb.shape[1]):
             if ask.a[k, j] >= 0.0:
@@ -273,8 +251,7 @@ def direction(
     contact, keep, l_joints = shape.contact, 1.0 - sigma, at.sb.shape[1]
     t, tb, right = np.empty(len(at.u)), np.zeros((2, l_joints)), np.empty(len(at.u))
     t_p = _push(contact, ask, at, step, by, centre, weight, t, tb)
-    for i in range(len(by.eta)):
-        times(by.w, by.eta[i], rx, contact[i], contact[i + 1], False, right)
+    times(contact, 0, len(by.eta), by.w, by.eta, rx, 0, False, right)
     for k in range(len(right)):
         right[k] = t[k] - keep * right[k]
     difference, balance = np.empty(l_joints), np.empty(6)
@@ -286,23 +263,21 @@ def direction(
     solve(shape, by.matrix, right, balance, step.u, step.nu)
     dp = 0.0
     if ask.with_p:
-        for i in range(len(by.eta)):  # eᵀ W⁻¹ (W t)
-            times(by.w, by.eta[i], t, contact[i], contact[i + 1], True, right)
+        times(contact, 0, len(by.eta), by.w, by.eta, t, 0, True, right)  # W⁻¹ (W t)
         dp = t_p - keep * rp + opening(contact, ask, right, tb)
         dp = (dp - dot(by.q, step.u) - dot(ask.g, step.nu)) / by.pivot[0]
         add(-dp, by.x_p, step.u)
         add(-dp, by.nu_p, step.nu)
     step.p[0], step.p[1], step.p[2] = dp, dp, t_p - at.p[2] / at.p[1] * dp
+    times(contact, 0, len(by.eta), by.w, by.eta, step.u, 0, False, step.u)  # back to u
+    for k in range(len(right)):
+        step.s[k] = step.u[k]
     for i in range(len(by.eta)):
-        first, last = contact[i], contact[i + 1]
-        times(by.w, by.eta[i], step.u, first, last, False, step.u)  # back to u
-        for k in range(first, last):
-            step.s[k] = step.u[k]
-        step.s[first + 2] += ask.e[i] * dp
-        times(by.w, by.eta[i], step.s, first, last, True, step.z)
-        for k in range(first, last):
-            step.z[k] = t[k] - step.z[k]
-        times(by.w, by.eta[i], step.z, first, last, True, step.z)
+        step.s[contact[i] + 2] += ask.e[i] * dp
+    times(contact, 0, len(by.eta), by.w, by.eta, step.s, 0, True, step.z)
+    for k in range(len(right)):
+        step.z[k] = t[k] - step.z[k]
+    times(contact, 0, len(by.eta), by.w, by.eta, step.z, 0, True, step.z)
     transposed(shape, jacobian, step.u, difference)
     for k in range(2):
         for j in range(l_joints):
@@ -322,10 +297,7 @@ def direction(
 @kernel
 def lengths(contact: IntArray, ask: Question, at: Point, step: Point) -> tuple[float, float]:
     """Largest steps that keep slacks and multipliers inside."""
-    step_s, step_z = np.inf, np.inf
-    for i in range(len(contact) - 1):
-        step_s = min(step_s, cone_step(at.s, step.s, contact[i], contact[i + 1]))
-        step_z = min(step_z, cone_step(at.z, step.z, contact[i], contact[i + 1]))
+    step_s, step_z = cone_step(contact, at.s, step.s), cone_step(contact, at.z, step.z)
     for k in range(2):
         for j in range(at.sb.shape[1]):
             if ask.a[k, j] >= 0.0:

@@ -83,52 +83,48 @@ def contact_terms(
 
     Args:
         u: (M,) components inside.
-        hessian: blocks, overwritten; gradient: (M,) overwritten.
+        hessian: as in `Matrix`, overwritten; gradient: (M,) overwritten.
 
     Returns:
         The value; inf on or outside a cone's boundary.
     """
     contact, block, _ = shape
-    press = barrier.press
-    value, at = 0.0, 0
+    press, friction, _ = barrier
+    value = 0.0
     for b in range(len(block) - 1):
         low, high = contact[block[b]], contact[block[b + 1]]
-        size = high - low
-        part = hessian[at : at + size * size].reshape(size, size)
-        at += size * size
-        part[:] = 0.0
+        for r in range(low, high):
+            for k in range(high - low):
+                hessian[r, k] = 0.0
         for i in range(block[b], block[b + 1]):
             first, last = contact[i], contact[i + 1]
-            z = u[first + 2]
+            n = first + 2
+            z = u[n]
             square = 0.0
             for k in range(first, last):
-                if k != first + 2:
+                if k != n:
                     square += u[k] * u[k]
-            w = (z - np.sqrt(square)) * (z + np.sqrt(square))
+            s = np.sqrt(square)
+            w = (z - s) * (z + s)
             if not (w > 0.0 and z > 0.0):
                 return np.inf
             one = 1.0 / w
-            weight = barrier.friction[i] * one
+            weight = friction[i] * one
             value += press * z + weight * z
             weight *= one  # barrier / w²
-            gradient[first + 2] = press - weight * (z * z + square)
+            gradient[n] = press - weight * (z * z + square)
             cubic = weight * one  # barrier / w³
-            n = first + 2 - low
-            part[n, n] = 2.0 * cubic * z * (z * z + 3.0 * square)
-            side = -2.0 * cubic * (3.0 * z * z + square)
+            hessian[n, n - low] = 2.0 * cubic * z * (z * z + 3.0 * square)
+            across = -2.0 * cubic * (3.0 * z * z + square)
             for k in range(first, last):
-                if k == first + 2:
+                if k == n:
                     continue
                 gradient[k] = 2.0 * weight * z * u[k]
-                r = k - low
-                if r > n:
-                    part[r, n] = side * u[k]
-                else:
-                    part[n, r] = side * u[k]
+                hessian[max(k, n), min(k, n) - low] = across * u[k]
                 for j in range(first, k + 1):
-                    if j != first + 2:
-                        part[r, j - low] = 8.0 * cubic * z * u[k] * u[j]
-                part[r, r] += 2.0 * weight * z
+                    if j != n:
+                        hessian[k, j - low] = 8.0 * cubic * z * u[k] * u[j]
+                hessian[k, k - low] += 2.0 * weight * z
     return value
 
 
@@ -200,9 +196,7 @@ def longest_step(
     given: Constraints, barrier: Barrier, u: Array, d: Array, tau: Array, dtau: Array
 ) -> float:
     """Largest step to the boundary of any cone or torque limit of positive weight."""
-    contact, limit, step = given.shape.contact, given.limit, np.inf
-    for i in range(len(contact) - 1):
-        step = min(step, cone_step(u, d, contact[i], contact[i + 1]))
+    limit, step = given.limit, cone_step(given.shape.contact, u, d)
     for side in range(2):
         sign = 1.0 - 2.0 * side
         for j in range(len(tau)):

@@ -7,7 +7,7 @@ import numpy as np
 from wbc.arrays import Array
 from wbc.compiled import kernel
 from wbc.forces.arrow import back_substitute, cholesky, dot, largest, transposed
-from wbc.forces.cones import side
+from wbc.forces.cones import cone_margins
 from wbc.forces.conic import NEGATIVE, OPTIMAL, conic
 from wbc.forces.interior import Question
 from wbc.forces.newton import Constraints
@@ -57,7 +57,7 @@ def least_squares(gt: Array, h: Array, u: Array) -> bool:
         for k in range(6):
             for j in range(k + 1):
                 s[k, j] += gt[i, k] * gt[i, j]
-    if not cholesky(s, _RANK):
+    if not cholesky(s, 0, 6, _RANK):
         return False
     back_substitute(s, x)
     for i in range(len(u)):
@@ -76,9 +76,7 @@ def margin_question(given: Constraints, rest: float, u: Array) -> tuple[Question
     force = max(first_point(given, rest, u), 1e-3 * largest(given.h))
     least_squares(given.gt, given.h, u)
     transposed(given.shape, given.jacobian, u, tau)
-    p = 0.0
-    for i in range(n):
-        p = max(p, (side(u, contact[i], contact[i + 1]) - u[contact[i] + 2]) / force)
+    p = max(0.0, -cone_margins(contact, u, np.empty(n)) / force)
     for j in range(l_joints):
         low, high = given.limit[0, j], given.limit[1, j]
         if np.isfinite(low):
