@@ -65,7 +65,7 @@ def test_a_finger_owns_the_joints_that_move_no_other_tip() -> None:
 def test_arrows_are_as_long_as_their_forces_at_one_scale() -> None:
     make = maker()
     first, last = (make.of_row(ROWS, k) for k in (2, 6))
-    per_newton = 0.07 / (0.4 * 9.81)
+    per_newton = 0.10 / (0.4 * 9.81)
     for k, shot in ((2, first), (6, last)):
         found = poses(SCENE, shot)
         for i, name in enumerate(TIPS):
@@ -74,11 +74,11 @@ def test_arrows_are_as_long_as_their_forces_at_one_scale() -> None:
             np.testing.assert_allclose(pose[:3, 2], per_newton * force, atol=1e-12)
             np.testing.assert_allclose(np.linalg.norm(pose[:3, :2], axis=0), 1.0)
         weight, moment = (found[node("forces", n)] for n in ("weight", "weight_moment"))
-        np.testing.assert_allclose(weight[:3, 2], (0.0, 0.0, -0.07), atol=1e-12)
+        np.testing.assert_allclose(weight[:3, 2], (0.0, 0.0, -0.10), atol=1e-12)
         np.testing.assert_allclose(weight[:3, 3], PLACE + np.array([0.02, 0.0, 0.0]))
         # 0.02 m x (-0.4 g) about y, as long as its force at 5 cm
-        np.testing.assert_allclose(moment[:3, 2], (0.0, 0.4 * 0.07, 0.0), atol=1e-12)
-        np.testing.assert_allclose(found[node("forces", "resultant")][:3, 2], (0.0, 0.0, 0.07))
+        np.testing.assert_allclose(moment[:3, 2], (0.0, 0.4 * 0.10, 0.0), atol=1e-12)
+        np.testing.assert_allclose(found[node("forces", "resultant")][:3, 2], (0.0, 0.0, 0.10))
         resultant = found[node("forces", "resultant_moment")]
         assert length(resultant) == pytest.approx(per_newton * 0.05 / 0.05)
 
@@ -172,7 +172,7 @@ def test_a_film_stretches_its_arrows_and_paints_them(tmp_path) -> None:
     times, scale = (values(tracks[".scale"][key]) for key in ("times", "values"))
     scale = scale.reshape(-1, 3)
     touching = (times >= 1.0) & (times <= 3.0)
-    want = 0.07 / (0.4 * 9.81) * (1.0 + times[touching])
+    want = 0.10 / (0.4 * 9.81) * (1.0 + times[touching])
     np.testing.assert_allclose(scale[touching, 2], want, rtol=1e-6)
     np.testing.assert_allclose(scale[:, :2], 1.0, rtol=1e-6)
     body = next(path for path in clips if path.startswith("/wbc/robot/"))

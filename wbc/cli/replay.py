@@ -13,6 +13,7 @@ from typing import final
 
 import numpy as np
 
+from wbc.cli.progress import SlowNotice
 from wbc.cli.session import LOG, ROBOT
 from wbc.contact.grasp import Grasp
 from wbc.errors import WbcError
@@ -65,10 +66,22 @@ def plot_command(arguments: argparse.Namespace) -> int:
 
     folder = Path(arguments.out) if arguments.out else film.path.parent / "plots"
     files = plot(film.log, folder)
+    if film.log.plans_forces:
+        files += _force_figures(film, folder)
     instants = list(film.snapshots(moments(film.log, _PICTURES).tolist()))
     files.append(draw_strip(film.scene, instants, folder / "strip.png"))
     print(f"written to {folder}: {', '.join(file.name for file in files)}")
     return 0
+
+
+def _force_figures(film: Film, folder: Path) -> list[Path]:
+    """Figures 4 to 10 of the chapter, for which ticks of the run are solved again."""
+    from wbc.cli.force_study import force_study
+    from wbc.recording.force_figures import plot_study
+
+    with SlowNotice(lambda line: print(line, file=sys.stderr)):
+        study = force_study(film.log, film.scenario, film.model, film.grasp)
+    return [] if study is None else plot_study(film.log, study, folder)
 
 
 @final
@@ -83,8 +96,10 @@ class Film:
 
     path: Path
     log: Log
+    scenario: Scenario
     scene: Scene
     model: RobotModel
+    grasp: Grasp
     arrows: ArrowMaker | None
 
     def thinned(self, fps: float) -> list[int]:
@@ -140,7 +155,7 @@ def open_film(run: str) -> Film:
         friction=meta.mu,
     )
     arrows = ArrowMaker(model, tips, meta.tau_min, meta.tau_max) if log.plans_forces else None
-    return Film(path, log, scene, model, arrows)
+    return Film(path, log, scenario, scene, model, grasp, arrows)
 
 
 def _check_contacts(path: Path, log: Log, grasp: Grasp) -> None:

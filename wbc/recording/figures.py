@@ -79,15 +79,24 @@ def save(figure: Figure, path: Path) -> Path:
     return write_whole(path, lambda file: file.write(picture.getvalue()))
 
 
-def time_axis(axes: Axes, log: Log, title: str, ylabel: str) -> None:
-    """Time along x from start to end of the run, phases shaded and named."""
-    end = log.t[-1] + log.meta.dt
+def time_axis(
+    axes: Axes, log: Log, title: str, ylabel: str, span: tuple[float, float] | None = None
+) -> None:
+    """Time along x from start to end of the run, phases shaded and named.
+
+    Args:
+        span: the part of the run that is shown, [s].
+    """
+    begin, end = (log.t[0], log.t[-1] + log.meta.dt) if span is None else span
     axes.set_title(title)
     axes.set_ylabel(ylabel)
     axes.set_xlabel("time [s]")
-    axes.set_xlim(log.t[0], end)
+    axes.set_xlim(begin, end)
     starts = phase_starts(log)
-    edges = [*log.t[starts], end]
+    shown = np.append(log.t[starts[1:]], np.inf) > begin
+    shown &= log.t[starts] < end
+    starts = starts[shown]
+    edges = [begin, *log.t[starts[1:]], end]
     names = [log.phase_names[p] for p in log.phase[starts]]
     for k in range(len(names)):
         axes.axvspan(edges[k], edges[k + 1], color=_BANDS[k % 2], zorder=-2, linewidth=0)

@@ -21,9 +21,10 @@ from wbc.view.scene import ForceArrows, Rgba, Scene, contact_frames
 Path = tuple[str, ...]
 """Names of a node and those above it."""
 
-FORCE: Rgba = (0.05, 0.60, 0.20, 1.0)
+# not quite opaque: the page draws all that is opaque before, and so below, the cones
+FORCE: Rgba = (0.05, 0.60, 0.20, 0.999)
 """Green: every joint of the finger keeps clear of its torque limits."""
-LIMITED: Rgba = (0.98, 0.42, 0.0, 1.0)
+LIMITED: Rgba = (0.98, 0.42, 0.0, 0.999)
 """Orange: a torque limit of the finger is active."""
 CONE: Rgba = (1.0, 0.87, 0.0, 0.38)
 WEIGHT: Rgba = (0.08, 0.08, 0.10, 1.0)

@@ -11,7 +11,7 @@ from wbc.arrays import Array, BoolArray
 from wbc.robot.model import RobotModel
 from wbc.view.scene import ForceArrows
 
-_WEIGHT = 0.07  # length of the arrow of the first weight shown, [m]
+_WEIGHT = 0.10  # length of the arrow of the first weight shown, [m]
 _LEVER = 0.05  # a moment is as long as the force that has it at this distance, [m]
 _ACTIVE = 0.05  # part of a joint's torque range, from a limit on, in which it counts as active
 
