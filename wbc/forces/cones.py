@@ -79,29 +79,23 @@ def scaling(contact: IntArray, s: Array, z: Array, w: Array, eta: Array) -> None
 
 
 @kernel
-def times(
-    contact: IntArray, begin: int, end: int, w: Array, eta: Array, x: Array, shift: int,
-    inverse: bool, out: Array,
-) -> None:  # fmt: skip
-    """out = W x or W⁻¹ x for the contacts [begin, end), entries at `shift` from their place.
-
-    out may be x.
-    """
+def times(contact: IntArray, w: Array, eta: Array, x: Array, inverse: bool, out: Array) -> None:
+    """out = W x, or W⁻¹ x; out may be x."""
     sign = -1.0 if inverse else 1.0
-    for i in range(begin, end):
+    for i in range(len(eta)):
         first, last = contact[i], contact[i + 1]
         head = first + 2
         along = 0.0
         for k in range(first, last):
             if k != head:
-                along += w[k] * x[k + shift]
+                along += w[k] * x[k]
         scale = 1.0 / eta[i] if inverse else eta[i]
-        top = x[head + shift]
-        out[head + shift] = scale * (w[head] * top + sign * along)
+        top = x[head]
+        out[head] = scale * (w[head] * top + sign * along)
         along = sign * top + along / (1.0 + w[head])
         for k in range(first, last):
             if k != head:
-                out[k + shift] = scale * (x[k + shift] + along * w[k])
+                out[k] = scale * (x[k] + along * w[k])
 
 
 @kernel
@@ -139,8 +133,8 @@ def complement(
     """
     m = len(lam)
     c1, c2 = np.empty(m), np.empty(m)
-    times(contact, 0, len(eta), w, eta, ds, 0, True, c1)
-    times(contact, 0, len(eta), w, eta, dz, 0, False, c2)
+    times(contact, w, eta, ds, True, c1)
+    times(contact, w, eta, dz, False, c2)
     for i in range(len(eta)):
         first, last = contact[i], contact[i + 1]
         head = first + 2

@@ -92,7 +92,7 @@ def _rebalance(given: Constraints, ask: Question, at: Point, by: Scaling, ry: Ar
     """Move u to balance, by the shortest way in the present scaling."""
     shape, step = given.shape, new_point(len(at.u), at.sb.shape[1], len(by.nu_p))
     solve(shape, by.matrix, np.zeros(len(at.u)), -ry, step.u, step.nu)
-    times(shape.contact, 0, len(by.eta), by.w, by.eta, step.u, 0, False, step.u)
+    times(shape.contact, by.w, by.eta, step.u, False, step.u)
     transposed(shape, given.jacobian, step.u, step.sb[0])
     add(-1.0, step.sb[0], step.sb[1])
     add(1.0, step.u, step.s)

@@ -104,7 +104,7 @@ def unpacked(
     c = b + 2 * joints
     given = Constraints(
         shape, HandJacobian(own, shared), np.empty((m, 6)), np.empty(joints),
-        fixed[a:b].copy().reshape(2, joints), np.empty(6),
+        fixed[a:b].reshape(2, joints), np.empty(6),
     )  # fmt: skip
     barrier = Barrier(fixed[_PRESS], fixed[c : c + n], fixed[b:c].reshape(2, joints))
     return given, barrier, fixed[_FIXED : _FIXED + m]

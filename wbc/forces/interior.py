@@ -162,22 +162,38 @@ def first_multipliers(contact: IntArray, ask: Question, at: Point) -> None:
 
 
 @kernel
+def _times_joints(shape: Shape, w: Array, eta: Array, own: Array, out: Array) -> None:
+    """out = W J for the blocks' own joints."""
+    contact, block, joint = shape
+    value = 0
+    for b in range(len(block) - 1):
+        low, high = contact[block[b]], contact[block[b + 1]]
+        for _ in range(joint[b], joint[b + 1]):
+            shift = value - low
+            for i in range(block[b], block[b + 1]):
+                first, last = contact[i], contact[i + 1]
+                head, along = first + 2, 0.0
+                for k in range(first, last):
+                    if k != head:
+                        along += w[k] * own[k + shift]
+                top = own[head + shift]
+                out[head + shift] = eta[i] * (w[head] * top + along)
+                along = top + along / (1.0 + w[head])
+                for k in range(first, last):
+                    if k != head:
+                        out[k + shift] = eta[i] * (own[k + shift] + along * w[k])
+            value += high - low
+
+
+@kernel
 def _scale_rows(given: Constraints, by: Scaling) -> None:
     """W Gᵀ into the first columns of Kᵀ, and W J."""
-    contact, block, joint = given.shape
+    contact = given.shape.contact
     own, shared = given.jacobian
     times_rows(contact, by.w, by.eta, given.gt, by.matrix.across)
     for a in range(shared.shape[0]):
-        times(contact, 0, len(by.eta), by.w, by.eta, shared[a], 0, False, by.jacobian.shared[a])
-    value = 0
-    for b in range(len(block) - 1):
-        first, last = contact[block[b]], contact[block[b + 1]]
-        for _ in range(joint[b], joint[b + 1]):
-            times(
-                contact, block[b], block[b + 1], by.w, by.eta, own, value - first, False,
-                by.jacobian.own,
-            )  # fmt: skip
-            value += last - first
+        times(contact, by.w, by.eta, shared[a], False, by.jacobian.shared[a])
+    _times_joints(given.shape, by.w, by.eta, own, by.jacobian.own)
 
 
 @kernel
@@ -195,7 +211,7 @@ def factored(given: Constraints, ask: Question, at: Point, by: Scaling) -> bool:
     """Scale and factor at a point; with p also its column."""
     contact, l_joints = given.shape.contact, at.sb.shape[1]
     scaling(contact, at.s, at.z, by.w, by.eta)
-    times(contact, 0, len(by.eta), by.w, by.eta, at.z, 0, False, by.lam)
+    times(contact, by.w, by.eta, at.z, False, by.lam)
     _scale_rows(given, by)
     curvature, mixed, pivot = np.zeros(l_joints), np.zeros(l_joints), 0.0
     for k in range(2):
@@ -215,7 +231,7 @@ def factored(given: Constraints, ask: Question, at: Point, by: Scaling) -> bool:
             by.q[k] = 0.0
         for i in range(len(by.eta)):
             by.q[contact[i] + 2] = ask.e[i]
-        times(contact, 0, len(by.eta), by.w, by.eta, by.q, 0, True, by.q)
+        times(contact, by.w, by.eta, by.q, True, by.q)
         pivot += at.p[2] / at.p[1] + dot(by.q, by.q)
         add_product(given.shape, by.jacobian, mixed, by.q)
         solve(given.shape, by.matrix, by.q, ask.g, by.x_p, by.nu_p)
@@ -251,7 +267,7 @@ def direction(
     contact, keep, l_joints = shape.contact, 1.0 - sigma, at.sb.shape[1]
     t, tb, right = np.empty(len(at.u)), np.zeros((2, l_joints)), np.empty(len(at.u))
     t_p = _push(contact, ask, at, step, by, centre, weight, t, tb)
-    times(contact, 0, len(by.eta), by.w, by.eta, rx, 0, False, right)
+    times(contact, by.w, by.eta, rx, False, right)
     for k in range(len(right)):
         right[k] = t[k] - keep * right[k]
     difference, balance = np.empty(l_joints), np.empty(6)
@@ -263,21 +279,21 @@ def direction(
     solve(shape, by.matrix, right, balance, step.u, step.nu)
     dp = 0.0
     if ask.with_p:
-        times(contact, 0, len(by.eta), by.w, by.eta, t, 0, True, right)  # W⁻¹ (W t)
+        times(contact, by.w, by.eta, t, True, right)  # W⁻¹ (W t)
         dp = t_p - keep * rp + opening(contact, ask, right, tb)
         dp = (dp - dot(by.q, step.u) - dot(ask.g, step.nu)) / by.pivot[0]
         add(-dp, by.x_p, step.u)
         add(-dp, by.nu_p, step.nu)
     step.p[0], step.p[1], step.p[2] = dp, dp, t_p - at.p[2] / at.p[1] * dp
-    times(contact, 0, len(by.eta), by.w, by.eta, step.u, 0, False, step.u)  # back to u
+    times(contact, by.w, by.eta, step.u, False, step.u)  # back to u
     for k in range(len(right)):
         step.s[k] = step.u[k]
     for i in range(len(by.eta)):
         step.s[contact[i] + 2] += ask.e[i] * dp
-    times(contact, 0, len(by.eta), by.w, by.eta, step.s, 0, True, step.z)
+    times(contact, by.w, by.eta, step.s, True, step.z)
     for k in range(len(right)):
         step.z[k] = t[k] - step.z[k]
-    times(contact, 0, len(by.eta), by.w, by.eta, step.z, 0, True, step.z)
+    times(contact, by.w, by.eta, step.z, True, step.z)
     transposed(shape, jacobian, step.u, difference)
     for k in range(2):
         for j in range(l_joints):

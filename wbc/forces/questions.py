@@ -18,7 +18,7 @@ POINT, FRICTION, LEAST, LOAD = range(4)
 """What may be wanted, see `settle`."""
 
 _RANK = 1e-13
-_MOST = 50
+_MOST, _EASY = 50, 14
 
 
 @kernel
@@ -28,7 +28,7 @@ def first_point(given: Constraints, rest: float, u: Array) -> float:
     They are as large as the wrench asks for or, without one, the force at rest.
 
     Returns:
-        The force, [N].
+        The force, [N]; 0 where τ_e alone breaks a limit.
     """
     contact, tau = given.shape.contact, np.empty(len(given.tau_e))
     n = len(contact) - 1
@@ -37,16 +37,17 @@ def first_point(given: Constraints, rest: float, u: Array) -> float:
     for i in range(n):
         u[contact[i] + 2] = 1.0
     transposed(given.shape, given.jacobian, u, tau)
-    force = max(rest, 2.0 * np.sqrt(dot(given.h, given.h)) / n)
+    force, inside = max(rest, 2.0 * np.sqrt(dot(given.h, given.h)) / n), True
     for j in range(len(tau)):
         up = given.limit[1, j] - given.tau_e[j]
         down = given.tau_e[j] - given.limit[0, j]
         room = up if tau[j] > 0.0 else down
+        inside &= up > 0.0 and down > 0.0
         if tau[j] != 0.0 and room > 0.0:
             force = min(force, 0.5 * room / abs(tau[j]))
     for i in range(n):
         u[contact[i] + 2] = force
-    return float(force)
+    return float(force) if inside else 0.0
 
 
 @kernel
@@ -148,8 +149,14 @@ def settle(
         none = np.full((2, l_joints), np.inf)
         none[0] = -np.inf
         now = Constraints(given.shape, given.jacobian, given.gt, np.zeros(l_joints), none, given.h)
+    used = 0
+    if want == LEAST and first_point(now, rest, u) > 0.0:  # phase I only where it is hard
+        code, used, p, bound = conic(now, least_question(now), tolerance, int(_EASY), u, 0.0)
+        if code == OPTIMAL:
+            return code, used, bound
     ask, p = margin_question(now, rest, u)
-    code, used, p, _ = conic(now, ask, tolerance, most, u, p)
+    code, more, p, _ = conic(now, ask, tolerance, most, u, p)
+    used += more
     if code != NEGATIVE or want in (POINT, FRICTION):
         return code, used, -p
     if want == LEAST:

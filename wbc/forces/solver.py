@@ -128,7 +128,8 @@ def answer(
     room = margins(layout, given, u, tau, out[m : m + n], out[m + n : a])
     for j in range(l_joints):
         out[a + j] = tau_e[j]
-        for i in range(jacobian.shape[0]):
+    for i in range(jacobian.shape[0]):
+        for j in range(l_joints):
             out[a + j] += jacobian[i, j] * out[i]
     for j in range(len(joints) if jacobian.size == 0 else 0):
         out[a + joints[j]] = tau[j]
