@@ -85,12 +85,17 @@ def add(factor: float, x: Array, out: Array) -> None:
 
 
 @kernel
-def cholesky(a: Array, first: int, n: int, rank: float) -> bool:
+def cholesky(a: Array, first: int, n: int, rank: float, floor: float) -> bool:
     """Factor the lower triangle of the n columns of rows [first, first + n) of a in place.
 
+    The diagonal is replaced by the inverses of the factor's.
+
+    Args:
+        rank: least pivot, relative to its diagonal entry.
+        floor: what every pivot is known to reach; rounding may say otherwise.
+
     Returns:
-        False where a pivot is not positive, or below rank times its diagonal entry. The diagonal is
-        replaced by the inverses of the factor's.
+        False where a pivot is not positive, or below rank.
     """
     for j in range(n):
         row = first + j
@@ -98,6 +103,7 @@ def cholesky(a: Array, first: int, n: int, rank: float) -> bool:
         least = rank * pivot
         for k in range(j):
             pivot -= a[row, k] * a[row, k]
+        pivot = max(pivot, floor)
         if not (pivot > 0.0 and pivot >= least):
             return False
         inverse = 1.0 / np.sqrt(pivot)
@@ -127,11 +133,11 @@ def back_substitute(lower: Array, x: Array) -> None:
 
 
 @kernel
-def factor(shape: Shape, matrix: Matrix, rank: float) -> bool:
+def factor(shape: Shape, matrix: Matrix, rank: float, floor: float) -> bool:
     """Factor the blocks and S in place; False where one is not positive to rounding.
 
     Args:
-        rank: least pivot of S, relative.
+        rank: least pivot of S, relative; floor: what the pivots of B are known to reach.
     """
     contact, block, _ = shape
     lower, across, y, s = matrix
@@ -143,7 +149,7 @@ def factor(shape: Shape, matrix: Matrix, rank: float) -> bool:
             s[i, i] = 1.0
     for b in range(len(block) - 1):
         first, last = contact[block[b]], contact[block[b + 1]]
-        if not cholesky(lower, first, last - first, 0.0):
+        if not cholesky(lower, first, last - first, 0.0, floor):
             return False
         for i in range(first, last):
             inverse = lower[i, i - first]
@@ -160,7 +166,7 @@ def factor(shape: Shape, matrix: Matrix, rank: float) -> bool:
                 if left != 0.0:  # 0: a joint of the other hand
                     for j in range(k + 1):
                         s[k, j] += left * y[i, j]
-    return cholesky(s, 0, q, rank)
+    return cholesky(s, 0, q, rank, 0.0)
 
 
 @kernel

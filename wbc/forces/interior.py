@@ -224,7 +224,7 @@ def factored(given: Constraints, ask: Question, at: Point, by: Scaling) -> bool:
                 pivot += a * a * weight
     _identity(given.shape, by.matrix.hessian)
     add_joints(given.shape, by.jacobian, curvature, by.matrix)
-    if not factor(given.shape, by.matrix, 0.0):
+    if not factor(given.shape, by.matrix, 0.0, 1.0):
         return False
     if ask.with_p:
         for k in range(len(by.q)):

@@ -273,7 +273,7 @@ def newton(
         add_product(shape, jacobian, slope, gradient)
         add_joints(shape, jacobian, curvature, matrix)
         unbalanced(given.gt, u, given.h, residual)
-        if not factor(shape, matrix, _RANK):
+        if not factor(shape, matrix, _RANK, 0.0):
             return SINGULAR, iteration
         solve(shape, matrix, gradient, residual, d, nu)  # d and ν with the opposite sign
         for i in range(m):

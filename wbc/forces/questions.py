@@ -58,7 +58,7 @@ def least_squares(gt: Array, h: Array, u: Array) -> bool:
         for k in range(6):
             for j in range(k + 1):
                 s[k, j] += gt[i, k] * gt[i, j]
-    if not cholesky(s, 0, 6, _RANK):
+    if not cholesky(s, 0, 6, _RANK, 0.0):
         return False
     back_substitute(s, x)
     for i in range(len(u)):
