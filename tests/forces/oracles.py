@@ -89,7 +89,7 @@ class ConeProgram:
         self._entries(rows, columns)
         self._cost()
         self.settings = _settings(tolerance)
-        self.solver = self.fresh()
+        self.solver = self.fresh(problem.G, problem.J, problem.tau_e, problem.h_e)
 
     def _entries(self, rows: IntArray, columns: IntArray) -> None:
         """Where every number stands in Clarabel's A, and those that no problem changes."""
@@ -154,10 +154,9 @@ class ConeProgram:
         self._b[6 + l_joints : 6 + 2 * l_joints] = (problem.tau_max[j] - here) / self._half
         return flat[self._order]
 
-    def fresh(self) -> Any:
-        """A new solver of Clarabel for the problem of this instance."""
-        p = self.problem
-        data = self._fill(p.G, p.J, p.tau_e, p.h_e)
+    def fresh(self, g: Array, jacobian: Array, tau_e: Array, h_e: Array) -> Any:
+        """A new solver of Clarabel, for these numbers."""
+        data = self._fill(g, jacobian, tau_e, h_e)
         a = sparse.csc_matrix(
             (data, self._pattern.indices, self._pattern.indptr), self._pattern.shape
         )
@@ -255,8 +254,9 @@ class Pyramids:
         f = np.zeros(m)
         f[problem.normal] = 1.0
         self._fill(problem.G, problem.J, problem.tau_e, problem.h_e)
+        self._fixed = epsilon * np.eye(m), f, sense
         self.model = daqp.Model()
-        self.model.setup(epsilon * np.eye(m), f, self._a, self._upper, self._lower, sense)
+        self.model.setup(*self._fixed[:2], self._a, self._upper, self._lower, sense)
 
     def _fill(self, g: Array, jacobian: Array, tau_e: Array, h_e: Array) -> None:
         j, end = self._j, 6 + len(self._j)
@@ -272,6 +272,17 @@ class Pyramids:
         """Another problem with the same contacts and limits."""
         self._fill(g, jacobian, tau_e, h_e)
         self.model.update(A=self._a, bupper=self._upper, blower=self._lower)
+
+    def single(
+        self, g: Array, jacobian: Array, tau_e: Array, h_e: Array, start: Array
+    ) -> tuple[Array, Array]:
+        """x (M,) and the multipliers by one call of `daqp.solve`, from the multipliers `start`."""
+        self._fill(g, jacobian, tau_e, h_e)
+        h, f, sense = self._fixed
+        x, _, _, info = daqp.solve(
+            h, f, self._a, self._upper, self._lower, sense.copy(), dual_start=start
+        )
+        return x, info["lam"]
 
     def solve(self) -> ConeAnswer:
         """Forces, Σ c_z [N], and DAQP's exit flag, 1 for solved."""
