@@ -135,6 +135,8 @@ def test_scale_of_forces(number: int, scale: float) -> None:
 def test_forces_against_fixed_weights(number: int, method: Literal["newton", "exact"]) -> None:
     """Barriers far too weak or strong for the forces change what is optimal, and no verdict."""
     problem = problem_of(number)
+    if abs(oracles.margin(problem).value) < 10.0 * CLEAR:
+        return
     for scale in (1e-6, 1e-3, 1e3) if method == "newton" else (1e-6, 1e-3, 1e3, 1e6):
         other = solve(in_forces(problem, scale), method)
         assert other.status.usable == solve(problem, method).status.usable
