@@ -8,6 +8,7 @@ import re
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from wbc import resources
@@ -27,10 +28,14 @@ def extras() -> set[str]:
 
 
 def test_the_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    (example,) = blocks("python")
-    scope: dict[str, object] = {}
-    exec(compile(example, "README.md", "exec"), scope)
+    loop, forces = blocks("python")
+    exec(compile(loop, "README.md", "exec"), {})
     assert capsys.readouterr().out.startswith("0.198 ")
+    scope: dict[str, object] = {}
+    exec(compile(forces, "README.md", "exec"), scope)
+    assert capsys.readouterr().out.startswith("solved ")
+    c = scope["solution"].c.reshape(3, 3)  # type: ignore[attr-defined]
+    assert c[:, 1] == pytest.approx(np.full(3, 2.0 / 3.0))  # a third of the weight each
 
 
 @pytest.mark.parametrize("line", [line for line in shell_lines() if line.startswith("wbc ")])
