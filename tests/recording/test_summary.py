@@ -19,9 +19,11 @@ from wbc.stack.limits import Limited
 
 from .runs import (
     DT,
+    FORCE_META,
     META,
     PHASES,
     phase,
+    planned,
     record,
     recorded,
     removed_and_back,
@@ -286,3 +288,22 @@ def test_recording_is_cheap() -> None:
             recorder.append(r)
         best = min(best, (time.perf_counter() - start) / 500)
     assert best < 30e-6
+
+
+def test_a_run_without_forces_in_some_ticks_is_no_success_and_says_why() -> None:
+    s = summarize(with_forces(100), DONE)
+    assert s["success"] is False
+    assert s["reason"] == (
+        "no contact forces could be planned in 10 of 100 ticks, from 0.9 s in phase 'slide' on "
+        "(beyond friction in 10)"
+    )
+    assert s["violations"] == []
+    good = summarize(with_forces(90), DONE)
+    assert good["success"] is True and good["force_infeasible_ticks"] == 0
+
+
+def test_the_least_sum_of_normal_forces_is_one_of_fingers_that_touch() -> None:
+    free = {"mode": np.array([0, 0]), "forces": planned(0)._replace(sum_normal=0.0)}
+    changes = {k: {"forces": planned(k)} for k in range(60)}
+    s = summarize(recorded(60, {**changes, 0: free}, FORCE_META), DONE)
+    assert s["force_sum_normal_min_n"] == pytest.approx(4.0 - 0.49)

@@ -6,11 +6,12 @@ import math
 from typing import Any
 
 
-def report_lines(summary: dict[str, Any], took: float) -> list[str]:
+def report_lines(summary: dict[str, Any], took: float, *, balances: bool = True) -> list[str]:
     """Success or why not, then the facts a reader looks for first.
 
     Args:
         took: computing time of the ticks after the first, [s].
+        balances: a task or phase asks for force closure; else it is named only where reached.
     """
     ticks = summary["ticks"]
     verdict = "success" if summary["success"] else f"no success: {summary['reason']}"
@@ -20,7 +21,8 @@ def report_lines(summary: dict[str, Any], took: float) -> list[str]:
     rows = (
         ("phases", _phases(summary)),
         ("object error", _object(summary)),
-        ("force closure", _closure(summary)),
+        ("force closure", _closure(summary, balances)),
+        ("forces", _forces(summary)),
         ("stack", _stack(summary)),
         ("joints", _joints(summary)),
         ("distance", _distance(summary)),
@@ -48,14 +50,39 @@ def _object(summary: dict[str, Any]) -> str:
     )
 
 
-def _closure(summary: dict[str, Any]) -> str:
+def _closure(summary: dict[str, Any], balances: bool) -> str:
     closure = summary["force_closure"]
     if closure["eps_f"] is None or not summary["object_error"]["fingers"]:
         return ""
     since = closure["below_since"]
+    if since is None and not balances:
+        return ""
     when = "not reached" if since is None else f"both below {closure['threshold']:.0e} "
     when += "" if since is None else f"from {since:.2f} s on"
     return f"eps_f {closure['eps_f']:.1e}, eps_m {closure['eps_m']:.1e} m² at the end; {when}"
+
+
+def _forces(summary: dict[str, Any]) -> str:
+    """How many ticks found contact forces, how hard they press, how near to a limit they come."""
+    if "force_statuses" not in summary:
+        return ""
+    ticks, held = summary["ticks"], summary["force_infeasible_ticks"]
+    parts = [f"planned in {ticks - held} of {ticks} ticks" if held else "planned in every tick"]
+    for name, seen in summary["force_statuses"].items():
+        if name != "solved":
+            when = f"{seen['ticks']} ticks from {seen['first_t']:.2f} s on"
+            parts.append(f"{name.replace('_', ' ')} in {when}")
+    if summary["force_sum_normal_min_n"] is not None:
+        low, high = summary["force_sum_normal_min_n"], summary["force_sum_normal_max_n"]
+        parts.append(f"normal forces sum to {low:.3g} to {high:.3g} N")
+    margins = (
+        ("force_min_cone_margin_n", "N to a cone"),
+        ("force_min_torque_margin_nm", "Nm to a torque limit"),
+    )
+    least = [f"{summary[k]:.2g} {what}" for k, what in margins if summary[k] is not None]
+    if least:
+        parts.append(f"least margins {', '.join(least)}")
+    return "; ".join(parts) + f"; {summary['force_iterations_mean']:.2f} solver steps per tick"
 
 
 def _stack(summary: dict[str, Any]) -> str:

@@ -30,6 +30,7 @@ from wbc.errors import SetupError, WbcError
 from wbc.files import write_whole
 from wbc.recording import Log, Outcome, Recorder, summarize, write
 from wbc.scenario.build import Assembly, build
+from wbc.scenario.schema import Scenario
 from wbc.sim.kinematic import run
 from wbc.view import LiveView
 from wbc.view.forces import ArrowMaker
@@ -66,7 +67,7 @@ def run_command(arguments: argparse.Namespace) -> int:
         if stopped:
             print("interrupted; writing what there is", file=sys.stderr)
         summary, saved = session.save(folder, interrupted=stopped)
-        for line in report_lines(summary, session.took):
+        for line in report_lines(summary, session.took, balances=_balances(loaded.scenario)):
             print(line)
         if saved:
             print(f"written to {folder}: {LOG}, {SUMMARY}")
@@ -77,6 +78,13 @@ def run_command(arguments: argparse.Namespace) -> int:
             interrupts.ticking = interrupts.saving = False
             viewer.stay(folder)
     return 0 if summary["success"] and saved else 1
+
+
+def _balances(scenario: Scenario) -> bool:
+    """Whether a task or a phase is about force closure."""
+    kinds = {spec.type for spec in scenario.tasks.values()}
+    closed = any(phase.until and phase.until.force_closure for phase in scenario.phases)
+    return closed or not kinds.isdisjoint(("equilibrium_force", "equilibrium_moment"))
 
 
 def _rehearsed(assembly: Assembly) -> None:

@@ -10,9 +10,17 @@ import numpy as np
 from wbc.arrays import Array, BoolArray, IntArray
 from wbc.control.phases import ExitCondition, Phase, PhaseSequence
 from wbc.control.state import PhaseState, Status
+from wbc.forces import ForceStatus
 from wbc.recording.log import Log
 
 _TOLERANCE = 1e-9  # a limit kept to rounding is kept
+_WHY = {
+    ForceStatus.INFEASIBLE_TORQUE_LIMITS: "joints too weak",
+    ForceStatus.INFEASIBLE_FRICTION: "beyond friction",
+    ForceStatus.RANK_DEFICIENT: "too few contacts",
+    ForceStatus.NOT_BALANCED: "solver stopped early",
+    ForceStatus.INVALID_INPUT: "numbers not finite",
+}
 
 
 @dataclass(frozen=True)
@@ -82,12 +90,36 @@ def _worst(log: Log, excess: Array, what: str, per: str) -> list[str]:
     ]
 
 
+def unplanned(log: Log) -> IntArray:
+    """The ticks whose contact forces could not be planned: those before were held."""
+    unusable = [k for k, status in enumerate(ForceStatus) if not status.usable]
+    return np.flatnonzero(np.isin(log.force_status, unusable))
+
+
+def _without_forces(log: Log) -> list[str]:
+    """How many ticks had no usable plan, from when on, and each verdict with its ticks."""
+    ticks = unplanned(log)
+    if not len(ticks):
+        return []
+    verdicts, counts = np.unique(log.force_status[ticks], return_counts=True)
+    why = ", ".join(
+        f"{_WHY.get(status := tuple(ForceStatus)[v], status.value)} in {count}"
+        for v, count in zip(verdicts, counts, strict=True)
+    )
+    phase = log.phase_names[log.phase[ticks[0]]]
+    return [
+        f"no contact forces could be planned in {len(ticks)} of {log.ticks} ticks, from "
+        f"{log.t[ticks[0]]:.4g} s in phase '{phase}' on ({why})"
+    ]
+
+
 def reason(log: Log, outcome: Outcome) -> str:
     """Why the run is no success, in one sentence; empty if it is one.
 
     A success has ended every phase in its time, kept the joints' position and velocity limits,
-    never let two watched parts touch, and never braked for want of a usable measurement or
-    command. The costs' soft thresholds, and joints clipped to their limits, do not decide it.
+    never let two watched parts touch, never braked for want of a usable measurement or command,
+    and found contact forces in every tick if they were to be planned. The costs' soft thresholds,
+    joints clipped to their limits, and forces of a low margin do not decide it.
     """
     if not log.ticks:
         return "no tick was recorded"
@@ -101,8 +133,7 @@ def reason(log: Log, outcome: Outcome) -> str:
             f"the run {how} at {log.t[-1] + log.meta.dt:.4g} s in phase '{name}'"
             + _missing(log, outcome, name, log.ticks - 1)
         )
-    parts += violations(log)
-    return "; ".join(parts)
+    return "; ".join(parts + violations(log) + _without_forces(log))
 
 
 def _timeout(log: Log, outcome: Outcome) -> str:

@@ -15,7 +15,7 @@ from wbc.control.state import Status
 from wbc.files import write_whole
 from wbc.forces import ForceStatus
 from wbc.recording.log import Log
-from wbc.recording.outcome import Outcome, reason, violations
+from wbc.recording.outcome import Outcome, reason, unplanned, violations
 
 CONVERGED = 1e-6
 """ε_f and ε_m below this count as a force closure reached."""
@@ -254,20 +254,23 @@ def _limits(log: Log) -> dict[str, Any]:
 
 
 def _forces(log: Log) -> dict[str, Any]:
-    """Margins, effort and verdicts of the planned contact forces."""
+    """Margins, effort and verdicts of the planned contact forces.
+
+    The sums of the normal forces are of ticks in which a finger touches.
+    """
     occurred = {}
-    usable = np.zeros(log.ticks, dtype=bool)
     for index, status in enumerate(ForceStatus):
         ticks = np.flatnonzero(log.force_status == index)
         if len(ticks):
             occurred[status.value] = {"first_t": log.t[ticks[0]], "ticks": len(ticks)}
-            usable[ticks] = status.usable
+    press = np.where(log.in_contact.any(axis=1), log.sum_normal, np.nan)
     return {
         "force_min_cone_margin_n": _extreme(log, -_least(log.cone_margin), "min", -1.0)["min"],
         "force_min_torque_margin_nm": np.min(log.torque_margin, initial=np.inf),
         "force_iterations_mean": log.force_iterations.mean(),
-        "force_infeasible_ticks": int((~usable).sum()),
-        "force_sum_normal_max_n": _extreme(log, log.sum_normal, "max")["max"],
+        "force_infeasible_ticks": len(unplanned(log)),
+        "force_sum_normal_min_n": _extreme(log, -press, "min", -1.0)["min"],
+        "force_sum_normal_max_n": _extreme(log, press, "max")["max"],
         "force_statuses": occurred,
     }
 
