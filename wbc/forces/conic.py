@@ -53,7 +53,7 @@ from wbc.forces.newton import Constraints
 
 OPTIMAL, POSITIVE, NEGATIVE, STALLED = 0, 1, 2, 3
 
-_STEP = 0.99  # of the way to the boundary
+_STEP = 0.95  # of the way to the boundary
 # Multipliers that miss a cone by ε prove that no forces balance unless they are 1/ε times larger
 # than what the multipliers gain; forces a million times the wrench are none.
 _MOST_FORCE = 1e6
@@ -100,18 +100,13 @@ def _rebalance(given: Constraints, ask: Question, at: Point, by: Scaling, ry: Ar
 
 
 @kernel
-def _bound(
-    contact: IntArray, ask: Question, at: Point, dual: Array, bound: float, least: float
-) -> float:
-    """The bound on the optimum that the multipliers prove, p and what they miss included."""
-    if not ask.with_p:  # towards ν = 0 and z = 0, where Z = f is inside by 1
-        return bound / (1.0 - min(least, 0.0))
+def _missed(contact: IntArray, ask: Question, at: Point, dual: Array, least: float) -> float:
+    """By how much the bound fails because multipliers miss cones or p's weight, for forces as u."""
     room = 1.0 + dot(ask.g, at.nu) - opening(contact, ask, dual, at.zb)
     forces = 0.0
     for i in range(len(contact) - 1):
         forces += abs(at.u[contact[i] + 2])
-    missed = forces * max(-least, 0.0) + abs(at.p[0]) * max(-room, 0.0)
-    return float(bound + max(room, 0.0) * ask.low - 10.0 * missed)  # for forces ten times larger
+    return float(forces * max(-least, 0.0) + abs(at.p[0]) * max(-room, 0.0))
 
 
 @kernel
@@ -126,8 +121,8 @@ def conic(
 
     Returns:
         OPTIMAL, POSITIVE or NEGATIVE (if only the sign is asked: p certainly above 0; p below 0
-        and at least half as far as it can be) or STALLED; iterations; p; the best bound proven on
-        the optimum.
+        and at least half as far as it can be) or STALLED; iterations; p; without p the best bound
+        proven on the optimum.
     """
     shape, m, l_joints = given.shape, len(u), len(given.tau_e)
     contact, own, shared = shape.contact, given.jacobian.own, given.jacobian.shared
@@ -146,7 +141,8 @@ def conic(
         for j in range(l_joints):
             degree += int(ask.a[k, j] >= 0.0)
     degree += int(ask.with_p)
-    code, used, polished, value = STALLED, most, 0, np.inf
+    code, used, polished, value, missing = STALLED, most, 0, np.inf, np.inf
+    least_value = 1e-6  # below which p counts as 0, or Σ c_z if it was a million times larger
     size, good_balance = 0.0, _BALANCED_P if ask.with_p else _BALANCED
     for iteration in range(most):
         slacks(given, ask, at, tau)
@@ -160,15 +156,22 @@ def conic(
             rx[k] = dual[k] - at.z[k]
             off = max(off, abs(rx[k]))
         if stationary or (least > 0.0 and off <= 1e-6 * largest(at.z)):
-            stationary = True  # from now on exactly
+            stationary, off = True, 0.0  # from now on exactly
             at.z[:] = dual
             rx[:] = 0.0
-        best = max(best, _bound(contact, ask, at, dual, bound, least))
         gap, value, p = gap_after(at, step, 0.0, 0.0), dot(ask.f, at.u) + at.p[0], at.p[0]
         rp = 1.0 - at.p[2] + dot(ask.g, at.nu) - opening(contact, ask, at.z, at.zb)
         size = largest_term(given.gt, at.u, given.h)
         balanced = largest(ry) <= 1e-3 * tolerance * size
-        closed = value - best <= tolerance * max(abs(value), 1e-6) and largest(ry) <= 1e-4 * size
+        if ask.with_p:  # what is left between value and bound, and what the bound misses
+            missing = gap + _missed(contact, ask, at, dual, least)
+            closed = True
+        else:  # towards ν = 0 and z = 0, where Z = f is inside by 1
+            best = max(best, bound / (1.0 - min(least, 0.0)))
+            missing, closed = value - best, largest(ry) <= 1e-4 * size
+        if iteration == 0 and not ask.with_p:
+            least_value = 1e-6 * abs(value)
+        closed &= missing <= tolerance * max(abs(value), least_value)
         used = iteration
         if closed and (balanced or polished == _POLISH):
             code = OPTIMAL if balanced or largest(ry) <= good_balance * size else STALLED
@@ -205,6 +208,6 @@ def conic(
         add(step_z, step.nu, at.nu)
         at.p[2] += step_z * step.p[2]
     if code == STALLED and largest(ry) <= good_balance * size:  # to rounding, on most problems
-        code = OPTIMAL if value - best <= 10.0 * tolerance * max(abs(value), 1e-6) else STALLED
+        code = OPTIMAL if missing <= 10.0 * tolerance * max(abs(value), least_value) else STALLED
     u[:] = at.u
     return code, used, at.p[0], best

@@ -8,7 +8,7 @@ from wbc.arrays import Array
 from wbc.compiled import kernel
 from wbc.forces.arrow import back_substitute, cholesky, dot, largest, transposed
 from wbc.forces.cones import cone_margins
-from wbc.forces.conic import NEGATIVE, OPTIMAL, conic
+from wbc.forces.conic import NEGATIVE, OPTIMAL, POSITIVE, conic
 from wbc.forces.interior import Question
 from wbc.forces.newton import Constraints
 
@@ -157,6 +157,8 @@ def settle(
     ask, p = margin_question(now, rest, u)
     code, more, p, _ = conic(now, ask, tolerance, most, u, p)
     used += more
+    if code != NEGATIVE and want == LOAD:
+        return POSITIVE, used, 0.0
     if code != NEGATIVE or want in (POINT, FRICTION):
         return code, used, -p
     if want == LEAST:

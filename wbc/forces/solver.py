@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.arrays import Array, BoolArray, IntArray
 from wbc.compiled import kernel
-from wbc.forces.arrow import add, transposed
+from wbc.forces.arrow import add, transposed, unbalanced
 from wbc.forces.blocks import HandJacobian, find_blocks, pattern
 from wbc.forces.conic import NEGATIVE, POSITIVE, STALLED
 from wbc.forces.inside import (
@@ -23,7 +23,7 @@ from wbc.forces.inside import (
 )
 from wbc.forces.newton import CONVERGED, OUTSIDE, Barrier, Constraints, newton, value_at
 from wbc.forces.problem import GraspForceProblem
-from wbc.forces.questions import FRICTION, LEAST, LOAD, POINT, UNRANKED, settle
+from wbc.forces.questions import FRICTION, LEAST, LOAD, POINT, UNRANKED, least_squares, settle
 from wbc.forces.solution import ForceStatus
 
 # what `_answer` and its callers return
@@ -36,6 +36,7 @@ OPTIMUM = 10
 _WARM, _MOST = 25, 100
 _TOLERANCE = 1e-7  # of Φ, and of the exact optimum, relative
 _SCALARS = 5
+_FINE = 1e-10  # of the balance
 _COARSE = 1e-6  # of the load factor, relative
 _VERDICT = 1e-8  # of the margin that decides feasibility
 _ROOM = 1e-3
@@ -116,6 +117,11 @@ def answer(
             u[k] = start[rows[k]] / scale[k]
             warm &= np.isfinite(u[k])
         code, used = _optimum(given, barrier, rest, warm, u, tau)
+        if code == _SOLVED and imbalance(given, u) > _FINE:  # near limits, where S is ill
+            rest_h, change = np.empty(6), np.empty(m)
+            unbalanced(given.gt, u, given.h, rest_h)
+            if least_squares(given.gt, rest_h, change):
+                add(-1.0, change, u)
     else:
         tolerance = _COARSE if question == LOAD else _TOLERANCE
         code, used, bound = settle(given, question, rest, tolerance, u)
