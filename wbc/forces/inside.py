@@ -193,6 +193,16 @@ def margins(
 
 
 @kernel
+def add_unlimited(layout: IntArray, jacobian: Array, c: Array, tau: Array) -> None:
+    """Add Jᵀ c to the torques of joints without limits, which are not inside."""
+    _, _, limited = entries_of(layout)
+    for i in range(jacobian.shape[0]):
+        for j in range(jacobian.shape[1]):
+            if limited[j] == 0:
+                tau[j] += jacobian[i, j] * c[i]
+
+
+@kernel
 def imbalance(given: Constraints, u: Array) -> float:
     """|G u − h| over the largest of |h| and |G_i u_i|, entries of components."""
     rest = np.empty(6)

@@ -260,9 +260,12 @@ def newton(
     m, l_joints = len(u), len(tau)
     matrix = room_for(shape, jacobian.shared.shape[0])
     matrix.across[:, :6] = given.gt
-    gradient, d, residual = np.empty(m), np.empty(m), np.empty(6)
-    nu = np.empty(matrix.s.shape[0])
-    slope, curvature, dtau = np.empty(l_joints), np.empty(l_joints), np.empty(l_joints)
+    few = matrix.s.shape[0]
+    a, b = 2 * m, 2 * m + 3 * l_joints
+    room = np.empty(b + 6 + few)  # one piece of memory: seven take as long as a finger
+    gradient, d, residual, nu = room[:m], room[m:a], room[b : b + 6], room[b + 6 :]
+    slope, curvature = room[a : a + l_joints], room[a + l_joints : b - l_joints]
+    dtau = room[b - l_joints : b]
     transposed(shape, jacobian, u, tau)
     add(1.0, given.tau_e, tau)
     for iteration in range(most):

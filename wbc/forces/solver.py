@@ -13,6 +13,7 @@ from wbc.forces.blocks import HandJacobian, find_blocks, pattern
 from wbc.forces.conic import NEGATIVE, POSITIVE, STALLED
 from wbc.forces.inside import (
     REST,
+    add_unlimited,
     imbalance,
     margins,
     orders_of,
@@ -134,11 +135,10 @@ def answer(
     room = margins(layout, given, u, tau, out[m : m + n], out[m + n : a])
     for j in range(l_joints):
         out[a + j] = tau_e[j]
-    for i in range(jacobian.shape[0]):
-        for j in range(l_joints):
-            out[a + j] += jacobian[i, j] * out[i]
-    for j in range(len(joints) if jacobian.size == 0 else 0):
+    for j in range(len(joints)):
         out[a + joints[j]] = tau[j]
+    if len(joints) < l_joints:
+        add_unlimited(layout, jacobian, out[:m], out[a : a + l_joints])
     out[-5], out[-3] = value_at(given, barrier, u, tau), imbalance(given, u)
     out[-2], out[-1] = room, bound
     for i in range(n):
