@@ -13,6 +13,7 @@ from forces.oracles import load_factor
 
 from wbc.control.force_planner import Passage, passages
 from wbc.control.hand_statics import statics, touches, touches_at
+from wbc.control.rehearsal import rehearse
 from wbc.control.state import ControllerState, ForceRecord, TickRecord
 from wbc.forces import ForceStatus
 from wbc.robot.kinematics import Kinematics
@@ -242,6 +243,41 @@ def test_forces_pass_from_one_set_of_contacts_to_the_next_without_a_step() -> No
     assert thumb.min() > 0.0
     steps = np.abs(np.diff([plan(r).force for r in records], axis=0)).max()
     assert steps < 0.1 * press.max()
+
+
+def test_only_ticks_without_forces_of_their_own_contacts_are_called_infeasible() -> None:
+    """60 g: three fingers hold them, and thumb and index finger, which are left, do not."""
+    assembly = holding(phases=list(hand_over()), mass="60 g", forces={**SOFT, "ramp": "0.06 s"})
+    records, _ = run(assembly, 160)
+    names = [phase.name for phase in assembly.controller.phases.phases]
+    for record in records:
+        if names[record.phase] == "other":
+            assert STATUS[plan(record).status] is ForceStatus.INFEASIBLE_TORQUE_LIMITS
+            assert plan(record).sum_normal > 0.0  # held, without the finger that has left
+        else:
+            assert_good(record)
+
+
+@pytest.mark.parametrize(
+    ("mass", "forces", "words"),
+    [
+        ("30 g", {"friction": 0.7}, None),
+        ("3 kg", {"friction": 0.7}, "phase 'lift': the joints are too weak: they hold 0.0"),
+        ("30 g", {"friction": 1e-9}, "phase 'lift': these contacts cannot resist every load"),
+    ],
+)
+def test_a_rehearsal_says_what_cannot_be_held_at_rest(
+    mass: str, forces: dict[str, Any], words: str | None
+) -> None:
+    assembly = holding(mass=mass, forces=forces)
+    before, _ = run(assembly, 5)
+    found = rehearse(assembly.controller, assembly.start)
+    told = [fault.text for fault in found.faults]
+    assert [text[: len(words or "")] for text in told] == ([] if words is None else [words])
+    assert found.stages[-1].load is not None
+    assert (found.stages[-1].load[1] > 3.0) == (words is None)
+    after, _ = run(assembly, 5)
+    np.testing.assert_array_equal(plan(before[-1]).force, plan(after[-1]).force)
 
 
 def test_a_sliding_contact_all_but_presses_along_its_normal() -> None:

@@ -176,6 +176,8 @@ def _phases(assembly: Assembly, rehearsal: Rehearsal) -> Iterable[str]:
         if stage.grasp is not None:
             yield from (f"   {line}" for line in _grasp_lines(stage.grasp))
             yield f"   manipulability: {_manipulability(assembly, phase, stage)}"
+            if stage.load is not None and stage.load[1] > 0.0:
+                yield f"   forces: hold {stage.load[1]:.3g} times the weight at rest"
 
 
 def _grasp_fingers(assembly: Assembly) -> tuple[str, ...]:

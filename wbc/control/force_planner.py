@@ -185,7 +185,7 @@ class _Plan(NamedTuple):
 
     Attributes:
         c: (N, 4) in the contact frames; None: no set could be balanced.
-        status: the gravest verdict of the sets that were asked.
+        status: the gravest verdict of the sets that were mixed; of those asked if none could be.
         starts, iterations, phi: as they go on and into the record.
     """
 
@@ -266,6 +266,25 @@ class ForcePlanner:
             record = _finite(record, held)
         return record, ForceState(v, c, plan.starts)
 
+    def at_rest(
+        self, kin: ExtendedKinematics, t: float, phase: PhaseState
+    ) -> tuple[ForceStatus, float]:
+        """Whether the contacts of a phase hold the object still where `kin` has been updated.
+
+        Returns:
+            The verdict, and how many times the weight they hold; NaN where the joints do not even
+            carry the robot, or the contacts not every load.
+        """
+        own, gravity, none = self._passages[phase.current].own, self._dynamics.gravity, np.zeros(6)
+        if own < 0:
+            return ForceStatus.SOLVED, np.inf
+        body = self.payload.body(kin.object_rotation, gravity, self._water(t, phase))
+        wrench, _ = wrench_to_supply(body, kin.object_rotation, none, none, gravity)
+        still = np.zeros(len(kin.robot.q))
+        hold, tau_e = self._holds[own], self._dynamics.torques(kin.robot.q, still, still)
+        given = hold.at(kin.robot, touches(kin), tau_e, wrench)
+        return hold.solver.inside(*given).status, hold.solver.load_factor(*given)
+
     def problem(
         self, robot: Kinematics, mode: IntArray, touch: Touches, v: Array, a: Array, wrench: Array
     ) -> GraspForceProblem:
@@ -304,12 +323,13 @@ class ForcePlanner:
         """All sets of a tick, each warm from its last solution; what is feasible, mixed."""
         starts: list[Array | None] = [None] * len(self._holds)
         c = np.zeros_like(last.c)
-        status, iterations, phi, total = ForceStatus.SOLVED, 0, 0.0, 0.0
+        iterations, phi, total = 0, 0.0, 0.0
+        good, bad = [ForceStatus.SOLVED], list[ForceStatus]()
         for k, weight in weights.items():
             hold = self._holds[k]
             step = hold.solve(hold.at(robot, touch, tau_e, wrench), last.starts[k])
             iterations += step.iterations
-            status = max(status, step.status, key=_STATUS.__getitem__)
+            (good if step.status.usable else bad).append(step.status)
             if not step.status.usable:
                 starts[k] = last.starts[k]
                 continue
@@ -318,8 +338,9 @@ class ForcePlanner:
             phi += weight * step.phi
             total += weight
         if weights and total == 0.0:
-            return _Plan(None, status, tuple(starts), iterations, np.inf)
+            return _Plan(None, max(bad, key=_STATUS.__getitem__), tuple(starts), iterations, np.inf)
         share = total if weights else 1.0
+        status = max(good, key=_STATUS.__getitem__)
         return _Plan(c / share, status, tuple(starts), iterations, phi / share)
 
 

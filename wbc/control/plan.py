@@ -18,6 +18,7 @@ from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.contact.grasp import ContactMode
 from wbc.contact.surfaces import Surface
 from wbc.control.phases import Phase
+from wbc.forces import ForceStatus
 
 _STEP = 1e-3  # between the points at which a way is looked at, [m]
 _MOST_POINTS = 500
@@ -104,6 +105,31 @@ def loose_fault(
     remedy = "put contact points on opposite sides of the object"
     text = f"phase '{phase.name}': {who} {what} ({remedy})"
     return Fault("contact", text, index, fingers[0], math.isinf(friction))
+
+
+def load_fault(phase: Phase, index: int, load: tuple[ForceStatus, float]) -> Fault | None:
+    """The sentence about an object that cannot be held at rest; None where it can.
+
+    Args:
+        load: from `ForcePlanner.at_rest`.
+    """
+    status, factor = load
+    weak = "the joints are too weak for what they carry"
+    if factor > 0.0:
+        weak = f"the joints are too weak: they hold {factor:.2g} of the object's weight"
+    found = {
+        ForceStatus.INFEASIBLE_TORQUE_LIMITS: (weak, "lighten it, or raise forces.torque_limits"),
+        ForceStatus.INFEASIBLE_FRICTION: (
+            "friction cannot hold the object's weight", "raise it, or choose other contact points"
+        ),
+        ForceStatus.RANK_DEFICIENT: (
+            "these contacts cannot resist every load", "give it three, or two soft fingers"
+        ),
+    }  # fmt: skip
+    if status not in found:
+        return None
+    what, remedy = found[status]
+    return Fault("phase", f"phase '{phase.name}': {what} ({remedy})", index)
 
 
 def plan_faults(phases: tuple[Phase, ...], kin: ExtendedKinematics, tips: Array) -> list[Fault]:

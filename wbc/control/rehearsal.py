@@ -19,12 +19,14 @@ from wbc.contact.classify import classify
 from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.contact.grasp import ContactMode, GraspClass
 from wbc.control.controller import Controller
+from wbc.control.force_planner import ForcePlanner
 from wbc.control.phases import ExitCondition, Phase, PhaseSequence
-from wbc.control.plan import Fault, loose_fault, plan_faults, through, way_fault
+from wbc.control.plan import Fault, load_fault, loose_fault, plan_faults, through, way_fault
 from wbc.control.references import References
 from wbc.control.state import ControllerState, Measurement, TickRecord
 from wbc.costs.collision import Collision
 from wbc.errors import SetupError
+from wbc.forces import ForceStatus
 from wbc.robot.collision_scene import OBJECT
 
 TICK = 5e-3
@@ -66,6 +68,7 @@ class Stage(NamedTuple):
         distance: how near, [m].
         grasp: what kind of grasp the fingers in contact form at its end; None where none is.
         manipulability: (N,) w of (46) of each finger there, [m²] in the plane, else [m³].
+        load: whether they hold the object at rest there, and how many times; None: not planned.
     """
 
     name: str
@@ -77,6 +80,7 @@ class Stage(NamedTuple):
     distance: float
     grasp: GraspClass | None
     manipulability: Array
+    load: tuple[ForceStatus, float] | None
 
 
 @final
@@ -141,7 +145,7 @@ def _through_phases(
     for _ in range(math.ceil(longest / tick) + 1):
         record, after = coarse.step(state, Measurement(state.q))
         if record.phase != state.phase.current:  # the tick began a new phase at its start
-            stages.append(_stage(coarse, state, nearest))
+            stages.append(_stage(coarse, state, nearest, controller.planner))
             if nearest[0] <= least:
                 found.append(_collision(state, stages[-1]))
                 break
@@ -153,7 +157,7 @@ def _through_phases(
         # bodies of an arm that strains for what is too far are no cause, and it is seen to the end
         collided = nearest[0] <= least and _lag(coarse, state) <= _BEHIND
         if collided or state.phase.done or state.phase.stopped or blocked:
-            stages.append(_stage(coarse, state, nearest))
+            stages.append(_stage(coarse, state, nearest, controller.planner))
             if state.phase.stopped:
                 found.append(_unfinished(coarse, state, stages[-1], record))
             elif nearest[0] <= least:
@@ -279,17 +283,19 @@ def _gap(controller: Controller, state: ControllerState) -> Array:
 
 
 def _stage(
-    controller: Controller, state: ControllerState, nearest: tuple[float, tuple[str, str] | None]
-) -> Stage:
+    controller: Controller, state: ControllerState, nearest: tuple[float, tuple[str, str] | None],
+    planner: ForcePlanner | None,
+) -> Stage:  # fmt: skip
     model = controller.law.kin.robot.model
     room = np.minimum(state.q - model.lower, model.upper - state.q)
     kin = controller.law.kin.update(state.q, state.contact, controller.law.kin.reference)
     gap = _gap(controller, state)
     jacobians = kin.robot.linear[: len(gap), : 2 if kin.grasp.planar else 3]
     squares = np.linalg.det(jacobians @ jacobians.transpose(0, 2, 1))
+    t = state.tick * controller.settings.dt
     return Stage(
         controller.phases.phases[state.phase.current].name,
-        state.tick * controller.settings.dt,
+        t,
         state.q,
         gap,
         tuple(model.joint_names[j] for j in np.flatnonzero(room < _AT_LIMIT)),
@@ -297,14 +303,17 @@ def _stage(
         nearest[0],
         classify(kin) if kin.holding else None,
         np.sqrt(np.maximum(squares, 0.0)),
+        None if planner is None else planner.at_rest(kin, t, state.phase),
     )
 
 
 def _loose(phases: tuple[Phase, ...], stages: list[Stage]) -> list[Fault]:
-    """Grasps that no friction holds, where their contacts have come to; each told once."""
+    """Grasps that no friction holds where they have come to, told once; loads too great for one."""
     faults: dict[tuple[str, ...], Fault] = {}
     for index, (phase, stage) in enumerate(zip(phases, stages, strict=False)):
         grasp = stage.grasp
+        if stage.load is not None and (heavy := load_fault(phase, index, stage.load)) is not None:
+            faults[stage.name,] = heavy
         if grasp is not None:
             fault = loose_fault(phase, index, grasp.fingers, grasp.friction_needed)
             if fault is not None:
