@@ -18,3 +18,12 @@ def read_only(values: Any) -> Array:
     array = np.array(values, dtype=np.float64, order="C")
     array.setflags(write=False)
     return array
+
+
+def read_only_view(values: Array) -> Array:
+    """The same numbers, which cannot be written to through what is returned."""
+    if not values.flags.writeable:
+        return values
+    view: Array = values.view()
+    view.setflags(write=False)
+    return view

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.arrays import Array, BoolArray
+from wbc.arrays import Array, BoolArray, read_only_view
 from wbc.compiled import kernel
 from wbc.forces import cost
 from wbc.forces.flow_kernels import (
@@ -130,7 +130,7 @@ def _flow(
     fix, now = fixed(problem), tick(problem)
     before = now
     if not cost.balance_error(problem, start) < _BALANCED:
-        before = Tick(now.G, now.J, now.tau_e, problem.G @ start)
+        before = Tick(now.G, now.J, now.tau_e, read_only_view(problem.G @ start))
     found = tracked(
         fix, before, now, np.ones(len(fix.joint), dtype=np.bool_), start, np.ones(problem.size),
         method, printed, tolerance, most,

@@ -139,12 +139,12 @@ def arrived(
         return Tracked(u, 0.0, 0, RANK)
     lift, wrench = lifting(now.g, inverse), now.g @ u
     gamma, u = approach(fix, before, now, lift, wrench, u, 0.0)
-    steps = 0
+    steps, short = 0, int(_BETWEEN)  # a variable: a constant would compile the flow anew
     while gamma < 1.0:
         if steps >= most:
             return Tracked(u, gamma, steps, STUCK)
         rows = between(before, now, gamma)
-        u, _, taken = flow(fix, rows, fix.barrier, u, method, printed, _SETTLED, _BETWEEN)
+        u, _, taken = flow(fix, rows, fix.barrier, u, method, printed, _SETTLED, short)
         steps += max(taken, 1)
         last = gamma
         gamma, u = approach(fix, before, now, lift, wrench, u, gamma)

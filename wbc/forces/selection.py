@@ -86,11 +86,12 @@ def tracked_selected(
 ) -> tuple[Tracked, BoolArray, int]:  # fmt: skip
     """As `track_selected`: what was found, with which bounds, in how many rounds."""
     active, inverse = active.copy(), np.ones(len(fix.scale))
+    printed = bool(0)  # the constant False would compile all that is called anew
     rows = assemble(fix, now)
     steps, rounds = 0, 0
     while True:
         rounds += 1
-        found = tracked(fix, before, now, active, c, inverse, method, False, tolerance, most)
+        found = tracked(fix, before, now, active, c, inverse, method, printed, tolerance, most)
         steps += found.steps
         slack = rows.b @ found.u + rows.free
         broken = ~active & ~(slack > 0.0)

@@ -6,7 +6,7 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from wbc.arrays import Array, BoolArray, IntArray
+from wbc.arrays import Array, BoolArray, IntArray, read_only_view
 from wbc.compiled import kernel
 from wbc.forces.arrow import add, transposed, unbalanced
 from wbc.forces.blocks import HandJacobian, find_blocks, pattern
@@ -215,13 +215,15 @@ class ForceSolver:
     ) -> tuple[int, int]:  # fmt: skip
         layout, fixed = self._inside
         if isinstance(J, HandJacobian):
-            own, shared = J.own.copy(), J.shared.copy()
-            return answer(layout, fixed, G, _NO_J, own, shared, tau_e, h_e, start, question, out)
-        own, shared = self._room
-        code, used = answer(layout, fixed, G, J, own, shared, tau_e, h_e, start, question, out)
+            own, shared, dense = J.own.copy(), J.shared.copy(), _NO_J
+        else:
+            (own, shared), dense = self._room, J
+        # numba compiles anew for every mixture of arrays that may and may not be written to
+        grasp, jacobian, e, h = map(read_only_view, (G, dense, tau_e, h_e))
+        code, used = answer(layout, fixed, grasp, jacobian, own, shared, e, h, start, question, out)
         if code == _BESIDE:  # a joint moves a finger that it had not moved: seen once
             self._arrange(
-                self._moves | np.logical_or.reduceat(J != 0.0, self.problem.first, axis=0).T
+                self._moves | np.logical_or.reduceat(dense != 0.0, self.problem.first, axis=0).T
             )
             return self._call(question, G, J, tau_e, h_e, start, out)
         return code, used

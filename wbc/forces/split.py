@@ -114,7 +114,7 @@ def tracked_split(
     method: int, weighted: bool, tolerance: float, most: int,
 ) -> tuple[Tracked, Array]:  # fmt: skip
     """As `split`; hand (M,) of each component."""
-    here = assemble(fix, now)
+    here, printed = assemble(fix, now), bool(0)  # the constant False would compile flow anew
     common, share = common_point(fix, before, now, hand, c, method, weighted, most)
     if common.code != DONE:
         return common, share
@@ -124,7 +124,7 @@ def tracked_split(
         if not full_rank(part.g):
             return Tracked(common.u, 1.0, steps, RANK), share
         found, done, taken = flow(
-            mine, part, barrier, common.u[own], method, False, tolerance, most
+            mine, part, barrier, common.u[own], method, printed, tolerance, most
         )
         u[own] = found
         steps += taken
@@ -144,7 +144,7 @@ def common_point(
     delta = rooms(then.b, then.b @ u + then.free, hand)
     share = delta / delta.sum()
     inverse = share[hand] if weighted else np.ones(len(hand))  # W_G⁻¹ (22), M_h of each hand
-    return arrived(fix, then, here, c, inverse, method, False, most), share
+    return arrived(fix, then, here, c, inverse, method, bool(0), most), share
 
 
 @kernel
