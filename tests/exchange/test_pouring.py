@@ -7,22 +7,19 @@ import pytest
 
 from wbc.control.state import Status
 
-from .runs import Run, check_laws, simulate
+from .runs import Run, check_laws
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
-
-
-@pytest.fixture(scope="module")
-def pouring() -> Run:
-    run = simulate("bottle_pouring", to_the_end=True)
-    check_laws(run)
-    return run
 
 
 def angle(run: Run) -> np.ndarray:
     """(T,) how far the bottle has turned, [deg]."""
     turned = run.series("object_rotation") @ run.records[0].object_rotation.T
     return np.degrees(np.arccos(np.clip(0.5 * (np.trace(turned, axis1=1, axis2=2) - 1.0), -1, 1)))
+
+
+def test_it_keeps_the_laws_of_every_run(pouring: Run) -> None:
+    check_laws(pouring)
 
 
 def test_it_turns_by_135_degrees_about_its_middle_rests_and_turns_back(pouring: Run) -> None:

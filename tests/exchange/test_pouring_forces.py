@@ -10,16 +10,11 @@ from wbc.control.hand_statics import touches_at
 from wbc.forces import ForceStatus, GraspForceProblem
 from wbc.robot.kinematics import Kinematics
 
-from .runs import Run, simulate
+from .runs import Run
 
 SOLVED = tuple(ForceStatus).index(ForceStatus.SOLVED)
 WEAK = ("index", "middle", "ring", "little")
 PHASES = ("hold", "pour", "empty", "back")
-
-
-@pytest.fixture(scope="module")
-def pouring() -> Run:
-    return simulate("bottle_pouring", to_the_end=True)
 
 
 def planned(run: Run, name: str) -> np.ndarray:
