@@ -111,6 +111,9 @@ def test_each_fault_has_its_place_and_its_words(
     ("old", "new", "line"),
     [
         ("  mass: 0.2 kg\n", "", "27:1: forces: needs 'mass' in the block 'object'"),
+        ("mass: 0.2 kg", "mass: null", "28:1: forces: needs 'mass' in the block 'object'"),
+        ("  margin: 0.02", "  torsion: 4 mm", "31:3: forces.torsion: is only of soft fingers: "
+         "'model' is not soft_finger"),
         ("    over: 0.4 s\n", "", "11:55: object.contents.pours.phase: phase 'empty' has no "
          "'over', the time in which it would leave"),
         ("{type: cylinder, radius: 35 mm, length: 20 cm}", "{type: sphere, radius: 35 mm}",

@@ -28,7 +28,7 @@ def check_forces(data: dict[str, Any], faults: Faults) -> None:
 
 def _weight(thing: dict[str, Any], faults: Faults) -> None:
     for key in ("com", "inertia", "contents"):
-        if key in thing and "mass" not in thing:
+        if key in thing and thing.get("mass") is None:
             faults.add(("object", key), "needs the object's 'mass'", on="key")
     moments = [si(raw, "inertia") for raw in listing(thing.get("inertia"))]
     known = [x for x in moments if x is not None and x >= 0.0]
@@ -82,7 +82,7 @@ def _forces(data: dict[str, Any], forces: dict[str, Any], faults: Faults) -> Non
     thing = mapping(data.get("object"))
     if "object" not in data:
         faults.add(("forces",), "needs a block 'object'", on="key")
-    elif isinstance(data["object"], dict) and "mass" not in thing:
+    elif isinstance(data["object"], dict) and thing.get("mass") is None:
         faults.add(("forces",), "needs 'mass' in the block 'object'", on="key")
     if "contacts" not in data:
         faults.add(("forces",), "needs a block 'contacts'", on="key")
@@ -97,6 +97,9 @@ def _forces(data: dict[str, Any], forces: dict[str, Any], faults: Faults) -> Non
             _by_contact(("forces", key), given, contacts, faults, complete=needed)
         elif given is None and needed and key == "torsion":
             faults.add(("forces",), "needs 'torsion' for soft fingers", on="key")
+    if not soft and forces.get("torsion"):
+        text = "is only of soft fingers: 'model' is not soft_finger"
+        faults.add(("forces", "torsion"), text, on="key")
 
 
 def _by_contact(
