@@ -208,6 +208,7 @@ def conic(
         add(step_z, step.nu, at.nu)
         at.p[2] += step_z * step.p[2]
     if code == STALLED and largest(ry) <= good_balance * size:  # to rounding, on most problems
-        code = OPTIMAL if missing <= 10.0 * tolerance * max(abs(value), least_value) else STALLED
+        slack = 10.0 if ask.with_p else 2.0
+        code = OPTIMAL if missing <= slack * tolerance * max(abs(value), least_value) else STALLED
     u[:] = at.u
     return code, used, at.p[0], best

@@ -35,9 +35,10 @@ OPTIMUM = 10
 """Beside what `settle` may be asked."""
 
 _WARM, _MOST = 25, 100
-_TOLERANCE = 1e-7  # of Φ, and of the exact optimum, relative
+_TOLERANCE = 1e-7  # of Φ, relative
 _SCALARS = 5
 _FINE = 1e-10  # of the balance
+_GAP = 5e-7  # certified of the exact optimum, relative; twice as much where rounding ends it
 _COARSE = 1e-6  # of the load factor, relative
 _VERDICT = 1e-8  # of the margin that decides feasibility
 _ROOM = 1e-3
@@ -124,7 +125,7 @@ def answer(
             if least_squares(given.gt, rest_h, change):
                 add(-1.0, change, u)
     else:
-        tolerance = _COARSE if question == LOAD else _TOLERANCE
+        tolerance = _COARSE if question == LOAD else _GAP
         code, used, bound = settle(given, question, rest, tolerance, u)
         code = _INFEASIBLE if code == STALLED and question == POINT and bound < 0 else _CODES[code]
     for k in range(m):
@@ -190,7 +191,7 @@ class ForceSolver:
         return self._asked(POINT, G, J, tau_e, h_e, _NO_START)
 
     def exact(self, G: Array, J: Array | HandJacobian, tau_e: Array, h_e: Array) -> ForceStep:
-        """The least Σ c_z on the same constraints, to a certified gap of 1e-7."""
+        """The least Σ c_z on the same constraints, to a certified gap of at most 1e-6."""
         return self._asked(LEAST, G, J, tau_e, h_e, _NO_START)
 
     def load_factor(self, G: Array, J: Array | HandJacobian, tau_e: Array, h_e: Array) -> float:
