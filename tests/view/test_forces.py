@@ -13,6 +13,7 @@ from wbc.contact.grasp import Grasp
 from wbc.errors import UnknownNameError, WbcError
 from wbc.view import Scene, write_html
 from wbc.view.arrows import FORCE, LIMITED, marks
+from wbc.view.arrows import poses as arrow_poses
 from wbc.view.draw import fixed_commands, moving_commands, node, poses
 from wbc.view.forces import ArrowMaker, own_joints
 from wbc.view.from_robot import SnapshotMaker, robot_scene, status_text
@@ -89,6 +90,19 @@ def test_a_free_finger_shows_neither_arrow_nor_cone() -> None:
         for part in ("force", "cone"):
             assert not np.isfinite(found[node("forces", name, part)]).all(), "it is hidden"
     assert np.isfinite(found[node("forces", "weight")]).all()
+
+
+@pytest.mark.parametrize(("size", "drawn"), [(0.0, 0.0), (0.3, 0.3), (50.0, 1.0), (1e300, 1.0)])
+def test_no_arrow_is_longer_than_the_picture_needs(size: float, drawn: float) -> None:
+    n = GRASP.count
+    push = np.tile([0.0, size, 0.0], (n, 1))
+    none, weight = np.zeros(3), np.array([0.0, 0.0, -np.inf, 0.0, 0.0, 0.0])
+    arrows = ForceArrows(push, np.zeros(n, dtype=bool), none, weight, np.zeros(6), none)
+    found = arrow_poses(SCENE, arrows, np.tile(np.eye(4), (n, 1, 1)))
+    for name in SCENE.contact_names:
+        assert length(np.nan_to_num(found["forces", name, "force"])) == pytest.approx(drawn)
+    for part in ("weight", "weight_moment", "resultant"):  # infinite, or nothing
+        assert not np.isfinite(found["forces", part][:3, 2]).any()
 
 
 def test_cones_open_into_the_object_by_the_friction_angle() -> None:

@@ -39,6 +39,7 @@ _OBJECT: dict[str, tuple[Rgba, bool]] = {
 _SLANT = 0.03  # of a cone, [m]
 _RADIUS = 0.0016  # of a shaft, [m]
 _SHORTEST = 5e-4  # arrow that is drawn, [m]
+_LONGEST = 1.0  # longer ones are drawn so long: they leave the picture in any case, [m]
 
 
 class Mark(NamedTuple):
@@ -105,10 +106,13 @@ def poses(scene: Scene, arrows: ForceArrows | None, contacts: Array) -> dict[Pat
 
 
 def _along(points: Array, vectors: Array) -> Array:
-    """(k, 4, 4) from a point along a vector, scaled to its length; NaN for the shortest."""
-    lengths = np.linalg.norm(vectors, axis=1)
-    frames = contact_frames(points, np.where(lengths[:, None] > _SHORTEST, vectors, np.nan))
-    frames[:, :3, 2] *= lengths[:, None]
+    """(k, 4, 4) from a point along a vector, scaled to its length; NaN for what is not drawn."""
+    size = np.abs(vectors).max(axis=1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        unit = vectors / size  # first: squares of what is huge would overflow
+        lengths = size[:, 0] * np.linalg.norm(unit, axis=1)
+    frames = contact_frames(points, np.where(lengths[:, None] > _SHORTEST, unit, np.nan))
+    frames[:, :3, 2] *= np.minimum(lengths, _LONGEST)[:, None]
     return frames
 
 
