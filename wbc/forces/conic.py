@@ -53,7 +53,7 @@ from wbc.forces.newton import Constraints
 
 OPTIMAL, POSITIVE, NEGATIVE, STALLED = 0, 1, 2, 3
 
-_STEP = 0.95  # of the way to the boundary
+_STEP, _MORE = 0.9, 0.09  # of the way to the boundary; more where the predictor goes far
 # Multipliers that miss a cone by ε prove that no forces balance unless they are 1/ε times larger
 # than what the multipliers gain; forces a million times the wrench are none.
 _MOST_FORCE = 1e6
@@ -197,7 +197,8 @@ def conic(
             given, ask, at, by, rx, ry, rp, sigma, sigma * gap / degree, weight, stationary, step
         )
         step_s, step_z = lengths(contact, ask, at, step)
-        step_s, step_z = min(1.0, _STEP * step_s), min(1.0, _STEP * step_z)
+        way = _STEP + _MORE * weight
+        step_s, step_z = min(1.0, way * step_s), min(1.0, way * step_z)
         if not max(step_s, step_z) > 1e-9:
             break
         add(step_s, step.u, at.u)

@@ -157,6 +157,8 @@ def settle(
     ask, p = margin_question(now, rest, u)
     code, more, p, _ = conic(now, ask, tolerance, most, u, p)
     used += more
+    if code == OPTIMAL:  # the largest margin is known, and so is its sign
+        code = NEGATIVE if p < 0.0 else POSITIVE
     if code != NEGATIVE and want == LOAD:
         return POSITIVE, used, 0.0
     if code != NEGATIVE or want in (POINT, FRICTION):
