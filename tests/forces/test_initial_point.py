@@ -62,6 +62,20 @@ def test_returns_the_last_forces_at_gamma_0(weighted: bool) -> None:
     np.testing.assert_allclose(slack[:lower], (tau - previous.tau_min)[problem.limited])
 
 
+@pytest.mark.parametrize("weighted", [False, True])
+def test_a_point_on_the_way_supplies_what_gamma_says(weighted: bool) -> None:
+    """Where the jump is too large: G c = γ h_e + (1 − γ) G c_{k−1}, with G of the new tick."""
+    previous, problem = list(pouring())[300:320:19]
+    c = reference.optimum(previous)
+    wanted = problem.with_(h_e=-6.0 * problem.h_e)
+    found = initial_point(
+        previous, c, wanted, weight=np.repeat([1.0, 3.0], 15) if weighted else None
+    )
+    assert 0.0 < found.gamma < 1.0
+    wrench = found.gamma * wanted.h_e + (1.0 - found.gamma) * wanted.G @ c
+    np.testing.assert_allclose(wanted.G @ found.c, wrench, atol=1e-9)
+
+
 def test_lifting_is_the_weighted_inverse() -> None:
     """(23), its first G transposed: G G^# = I, and cᵀ W_G c is least."""
     problem = two_hands()

@@ -108,6 +108,8 @@ def pattern(problem: GraspForceProblem, blocks: Blocks) -> tuple[IntArray, IntAr
 class HandJacobian(NamedTuple):
     """J in the form of its blocks, for hands whose M·l entries would be mostly zeros.
 
+    Joints without limits have no entries: of the τ that a solution reports, theirs is then τ_e.
+
     Attributes:
         own: entries of the blocks' own joints, joint by joint over its block's components.
         shared: (n_a, M) rows of the shared joints, columns in the order inside.

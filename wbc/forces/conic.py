@@ -57,6 +57,7 @@ _STEP, _MORE = 0.9, 0.09  # of the way to the boundary; more where the predictor
 # Multipliers that miss a cone by ε prove that no forces balance unless they are 1/ε times larger
 # than what the multipliers gain; forces a million times the wrench are none.
 _MOST_FORCE = 1e6
+_TIMES = 10.0  # as large as the forces at hand may others be that a verdict is to cover
 _POLISH = 3  # attempts at balance
 _BALANCED, _BALANCED_P = 1e-9, 1e-6  # good enough after them, for forces and for a mere p
 
@@ -136,12 +137,14 @@ def conic(
     add(1.0, u, at.u)
     at.p[0] = p if ask.with_p else 0.0
     tau, dual, rx, ry = np.empty(l_joints), np.empty(m), np.empty(m), np.empty(6)
+    margin = np.empty(n)
     degree, best, stationary = n, -np.inf, False
     for k in range(2):
         for j in range(l_joints):
             degree += int(ask.a[k, j] >= 0.0)
     degree += int(ask.with_p)
     code, used, polished, value, missing = STALLED, most, 0, np.inf, np.inf
+    gap_left = np.inf
     least_value = 1e-6  # below which p counts as 0, or Σ c_z if it was a million times larger
     size, good_balance = 0.0, _BALANCED_P if ask.with_p else _BALANCED
     for iteration in range(most):
@@ -164,7 +167,8 @@ def conic(
         size = largest_term(given.gt, at.u, given.h)
         balanced = largest(ry) <= 1e-3 * tolerance * size
         if ask.with_p:  # what is left between value and bound, and what the bound misses
-            missing = gap + _missed(contact, ask, at, dual, least)
+            missed = _missed(contact, ask, at, dual, least)
+            missing, gap_left = gap + missed, gap + _TIMES * missed
             closed = True
         else:  # towards ν = 0 and z = 0, where Z = f is inside by 1
             best = max(best, bound / (1.0 - min(least, 0.0)))
@@ -199,9 +203,11 @@ def conic(
         step_s, step_z = lengths(contact, ask, at, step)
         way = _STEP + _MORE * weight
         step_s, step_z = min(1.0, way * step_s), min(1.0, way * step_z)
-        if not max(step_s, step_z) > 1e-9:
+        if not (max(step_s, step_z) > 1e-9 and np.isfinite(dot(step.u, step.u))):
             break
         add(step_s, step.u, at.u)
+        if not ask.with_p and cone_margins(contact, at.u, margin) <= 0.0:  # u = 0 to rounding
+            add(-1e-3 * step_s, step.u, at.u)
         at.p[0] += step_s * step.p[0]
         add(step_z, step.z, at.z)
         add(step_z, step.zb[0], at.zb[0])
@@ -211,5 +217,7 @@ def conic(
     if code == STALLED and largest(ry) <= good_balance * size:  # to rounding, on most problems
         slack = 10.0 if ask.with_p else 2.0
         code = OPTIMAL if missing <= slack * tolerance * max(abs(value), least_value) else STALLED
+    if code == STALLED and ask.sign_of_p and at.p[0] - gap_left > 0.0:  # all but proven
+        code = POSITIVE
     u[:] = at.u
     return code, used, at.p[0], best

@@ -27,6 +27,7 @@ W_BF: Final = 1e-2
 W_BT: Final = 1e-3
 """Weight of the torque barrier (16), [N]."""
 
+_WIDEST = 1e100  # squares and ratios of limits must stay numbers
 _ARRAYS = ("G", "J", "tau_e", "tau_min", "tau_max", "mu", "h_e")
 _OPTIONAL = ("mu_t", "model", "w_p", "w_bF", "w_bT")
 
@@ -78,7 +79,12 @@ class GraspForceProblem:
         n = _values(self, "mu", (None,))
         if n == 0:
             raise WbcError("mu is empty: a grasp needs contacts")
-        models = (self.model,) * n if isinstance(self.model, str) else tuple(map(str, self.model))
+        try:
+            models = (
+                (self.model,) * n if isinstance(self.model, str) else tuple(map(str, self.model))
+            )
+        except TypeError:
+            raise WbcError("model is neither a name nor a list of names") from None
         _set(self, "model", models)
         for name in models:
             if name not in (POINT, SOFT_FINGER):
@@ -89,9 +95,10 @@ class GraspForceProblem:
             _set(self, "mu_t", np.ones(n))
             if SOFT_FINGER in models:
                 raise WbcError("mu_t is missing: soft fingers need it")
-        elif np.ndim(self.mu_t) == 1 and len(self.mu_t) == n:  # of point contacts: any value
+        else:  # of point contacts: any value
+            _values(self, "mu_t", (n,), finite=None)
             soft = np.array([m == SOFT_FINGER for m in models])
-            _set(self, "mu_t", np.where(soft, np.asarray(self.mu_t, dtype=np.float64), 1.0))
+            _set(self, "mu_t", np.where(soft, self.mu_t, 1.0))
         _values(self, "mu_t", (n,))
         l_joints = _values(self, "tau_e", (None,))
         for name, shape in (
@@ -107,7 +114,10 @@ class GraspForceProblem:
             for i in np.flatnonzero(~(getattr(self, name) > 0.0)):
                 raise WbcError(f"{name}[{i}] is {getattr(self, name)[i]:g}: it must be positive")
         for name in ("w_p", "w_bF", "w_bT"):
-            value = float(getattr(self, name))
+            try:
+                value = float(getattr(self, name))
+            except (TypeError, ValueError, OverflowError):
+                raise WbcError(f"{name} is not a number") from None
             _set(self, name, value)
             if not (value > 0.0 and np.isfinite(value)):
                 raise WbcError(f"{name} is {value:g}: it must be positive")
@@ -116,6 +126,9 @@ class GraspForceProblem:
             raise WbcError(f"tau_min[{j}] is {low:g}, not below tau_max[{j}], {high:g}")
         for j in np.flatnonzero(np.isfinite(self.tau_min) != np.isfinite(self.tau_max)):
             raise WbcError(f"joint {j} has one infinite torque limit: give both finite, or none")
+        widest = np.maximum(np.abs(self.tau_min), np.abs(self.tau_max))
+        for j in np.flatnonzero(np.isfinite(widest) & (widest > _WIDEST)):
+            raise WbcError(f"joint {j} has torque limits beyond {_WIDEST:g}: give none")
 
     @property
     def contacts(self) -> int:
@@ -205,9 +218,16 @@ def _set(problem: GraspForceProblem, name: str, value: Any) -> None:
 
 
 def _values(
-    problem: GraspForceProblem, name: str, shape: tuple[int | None, ...], *, finite: bool = True
+    problem: GraspForceProblem,
+    name: str,
+    shape: tuple[int | None, ...],
+    *,
+    finite: bool | None = True,
 ) -> int:
-    """Keep a field as read-only doubles of `shape` (None: any length); its first length."""
+    """Keep a field as read-only doubles of `shape` (None: any length); its first length.
+
+    finite: False: infinite values may be, NaN may not; None: both.
+    """
     try:
         given = np.asarray(getattr(problem, name))
         if given.dtype.kind not in "fiub":
@@ -222,7 +242,7 @@ def _values(
         want_text += "," * (len(shape) == 1)
         raise WbcError(f"{name} has shape {array.shape}, expected ({want_text})")
     bad = ~np.isfinite(array) if finite else np.isnan(array)
-    if bad.any():
+    if finite is not None and bad.any():
         where = tuple(int(k) for k in np.argwhere(bad)[0])
         what = array[where]
         index = ", ".join(map(str, where))

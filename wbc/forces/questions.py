@@ -8,7 +8,7 @@ from wbc.arrays import Array
 from wbc.compiled import kernel
 from wbc.forces.arrow import back_substitute, cholesky, dot, largest, transposed
 from wbc.forces.cones import cone_margins
-from wbc.forces.conic import NEGATIVE, OPTIMAL, POSITIVE, conic
+from wbc.forces.conic import NEGATIVE, OPTIMAL, POSITIVE, STALLED, conic
 from wbc.forces.interior import Question
 from wbc.forces.newton import Constraints
 
@@ -139,7 +139,8 @@ def settle(
     Returns:
         NEGATIVE (POINT, FRICTION: u is such a point, with at least half the largest margin),
         OPTIMAL (LEAST, LOAD), POSITIVE (proven infeasible; LOAD: by friction), UNRANKED or
-        STALLED; iterations; the margin t, a certified lower bound of Σ c_z, or the load factor.
+        STALLED (no verdict); iterations; the margin t, a certified lower bound of Σ c_z, or the
+        load factor.
     """
     l_joints = len(given.tau_e)
     if not least_squares(given.gt, given.h, u):
@@ -157,10 +158,10 @@ def settle(
     ask, p = margin_question(now, rest, u)
     code, more, p, _ = conic(now, ask, tolerance, most, u, p)
     used += more
-    if code == OPTIMAL:  # the largest margin is known, and so is its sign
-        code = NEGATIVE if p < 0.0 else POSITIVE
-    if code != NEGATIVE and want == LOAD:
-        return POSITIVE, used, 0.0
+    if code == OPTIMAL:  # of the margin; its sign is what was asked
+        code = NEGATIVE if p < 0.0 else POSITIVE if p > 1e-5 * tolerance else STALLED
+    if code != NEGATIVE and want == LOAD:  # without room for friction there is none for a load
+        return POSITIVE if code == STALLED and p > -1e-6 else code, used, 0.0
     if code != NEGATIVE or want in (POINT, FRICTION):
         return code, used, -p
     if want == LEAST:

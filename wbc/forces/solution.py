@@ -6,9 +6,10 @@ import os
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.archive import read_arrays, write_arrays
 from wbc.arrays import Array
@@ -64,7 +65,8 @@ class GraspForceSolution:
         torque_margin: (l,) distance of τ to the nearer limit, [Nm]; inf without limits.
         balance: |G c − h_e| over the largest of |h_e| and |G_i c_i|, in the scaled units of G.
         iterations: Newton steps, or steps of the method named.
-        gap: certified bound on Σ c_z above its optimum, relative to it; NaN where there is none.
+        gap: certified bound on how far Σ c_z is above its optimum, relative to it, or to
+            a millionth of √(w_bF μ/w_p) where it is less; NaN where there is none.
         load_factor: largest λ with G c = λ h_e inside all limits; NaN where not asked for.
     """
 
@@ -110,6 +112,7 @@ class GraspForceSolution:
             WbcError: one line that names the file.
         """
         arrays = read_arrays(path, _ARRAYS, what="a grasp force solution")
+        _check_shapes(path, arrays)
         try:
             status = ForceStatus(str(arrays["status"]))
             scalar = {
@@ -121,6 +124,21 @@ class GraspForceSolution:
                 torque_margin=arrays["torque_margin"], iterations=int(arrays["iterations"]),
                 **scalar,
             )  # fmt: skip
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             text = " ".join(str(error).split())
             raise WbcError(f"'{os.fspath(path)}' is not a grasp force solution: {text}") from None
+
+
+def _check_shapes(path: str | os.PathLike[str], arrays: dict[str, NDArray[Any]]) -> None:
+    """Refuse a file whose arrays are not numbers of fitting shapes."""
+    joints, contacts = arrays["tau"].shape, arrays["cone_margin"].shape
+    fits = len(contacts) == 1 and contacts[0] > 0 and len(joints) == 1
+    for name, array in arrays.items():
+        shape: tuple[int, ...] = {
+            "c": arrays["c"].shape[:1], "tau": joints, "torque_margin": joints,
+            "cone_margin": contacts,
+        }.get(name, ())  # fmt: skip
+        fits &= array.shape == shape and (name == "status") == (array.dtype.kind == "U")
+    fits &= 3 * sum(contacts) <= arrays["c"].size <= 4 * sum(contacts)
+    if not fits:
+        raise WbcError(f"'{os.fspath(path)}' is not a grasp force solution: its arrays do not fit")

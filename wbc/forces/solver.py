@@ -8,9 +8,10 @@ import numpy as np
 
 from wbc.arrays import Array, BoolArray, IntArray, read_only_view
 from wbc.compiled import kernel
+from wbc.errors import WbcError
 from wbc.forces.arrow import add, transposed, unbalanced
 from wbc.forces.blocks import HandJacobian, find_blocks, pattern
-from wbc.forces.conic import NEGATIVE, POSITIVE, STALLED
+from wbc.forces.conic import NEGATIVE
 from wbc.forces.inside import (
     REST,
     add_unlimited,
@@ -24,7 +25,7 @@ from wbc.forces.inside import (
 )
 from wbc.forces.newton import CONVERGED, OUTSIDE, Barrier, Constraints, newton, value_at
 from wbc.forces.problem import GraspForceProblem
-from wbc.forces.questions import FRICTION, LEAST, LOAD, POINT, UNRANKED, least_squares, settle
+from wbc.forces.questions import FRICTION, LEAST, LOAD, POINT, least_squares, settle
 from wbc.forces.solution import ForceStatus
 
 # what `_answer` and its callers return
@@ -34,7 +35,7 @@ _CODES = (_SOLVED, _INFEASIBLE, _SOLVED, _UNDECIDED, _UNRANKED)
 OPTIMUM = 10
 """Beside what `settle` may be asked."""
 
-_WARM, _MOST = 25, 100
+_WARM, _MOST = 25, 500  # so many only where barriers weigh next to nothing
 _TOLERANCE = 1e-7  # of Φ, relative
 _SCALARS = 5
 _FINE = 1e-10  # of the balance
@@ -42,6 +43,9 @@ _GAP = 5e-7  # certified of the exact optimum, relative; twice as much where rou
 _COARSE = 1e-6  # of the load factor, relative
 _VERDICT = 1e-8  # of the margin that decides feasibility
 _ROOM = 1e-3
+_INSIDE, _BALANCED = 1e-13, 1e-9  # what forces must keep, of c_z or a range, to be SOLVED
+_FLOOR = 1e-6  # of the force at rest: the least Σ c_z that a gap is relative to
+_DOUBLE = np.dtype(np.float64)
 _NO_START, _NO_J = np.empty(0), np.empty((0, 0))
 _STATUS = {
     _UNRANKED: ForceStatus.RANK_DEFICIENT,
@@ -73,11 +77,10 @@ def _optimum(
     code, used, most, want = OUTSIDE, 0, int(_WARM), int(POINT)
     for attempt in range(2):
         if attempt == 1:
-            code, more, room = settle(given, want, rest, _VERDICT, u)
+            code, more, _ = settle(given, want, rest, _VERDICT, u)
             used, most = used + more, int(_MOST)
             if code != NEGATIVE:
-                infeasible = code == POSITIVE or (code != UNRANKED and room < 0.0)
-                return _INFEASIBLE if infeasible else _CODES[code], used
+                return _CODES[code], used
         elif not warm:
             continue
         code, more = newton(given, barrier, _TOLERANCE, most, u, tau)
@@ -126,8 +129,8 @@ def answer(
                 add(-1.0, change, u)
     else:
         tolerance = _COARSE if question == LOAD else _GAP
-        code, used, bound = settle(given, question, rest, tolerance, u)
-        code = _INFEASIBLE if code == STALLED and question == POINT and bound < 0 else _CODES[code]
+        found, used, bound = settle(given, question, rest, tolerance, u)
+        code = _CODES[found]
     for k in range(m):
         out[rows[k]] = u[k] * scale[k]
     transposed(given.shape, given.jacobian, u, tau)
@@ -144,6 +147,11 @@ def answer(
     out[-2], out[-1] = room, bound
     for i in range(n):
         out[-4] += u[given.shape.contact[i] + 2]
+    for j in range(l_joints):  # of joints without limits nobody has asked yet
+        if not np.isfinite(out[a + j]):
+            return _NOT_FINITE, used
+    if code == _SOLVED and question not in (FRICTION, LOAD):  # to rounding: no promise unchecked
+        code = code if room > _INSIDE and out[-3] <= _BALANCED else _UNDECIDED
     return code, used
 
 
@@ -163,11 +171,19 @@ class ForceSolver:
             moves: (l, n) whether joint j can ever move contact i.
             margin: share of a normal force that must be left of its cone, and of half a torque
                 range to its limits, for a solution not to be of LOW_MARGIN.
+
+        Raises:
+            WbcError: `moves` does not fit the problem.
         """
         self.problem, self.margin = problem, margin
         if moves is None:
             moves = np.logical_or.reduceat(problem.J != 0.0, problem.first, axis=0).T
-        self._arrange(moves)
+        if np.shape(moves) != (problem.joints, problem.contacts):
+            want = (problem.joints, problem.contacts)
+            raise WbcError(f"moves has shape {np.shape(moves)}, expected {want}")
+        m, l_joints = problem.size, problem.joints
+        self._shapes = (6, m), (m, l_joints), (l_joints,), (6,)
+        self._arrange(np.asarray(moves, dtype=np.bool_))
 
     def solve(
         self, G: Array, J: Array | HandJacobian, tau_e: Array, h_e: Array,
@@ -177,13 +193,19 @@ class ForceSolver:
 
         Args:
             G: (6, M), J: (M, l) or its blocks, tau_e: (l,), h_e: (6,) as in the problem.
-            start: (M,) forces of the tick before; None: none.
+            start: (M,) forces of the tick before; None, or of another size: none.
 
         Returns:
             The forces with everything evaluated. Where the status is not usable they say how far
             the problem is from a solution and must not be applied. Never raises on numbers.
+
+        Raises:
+            WbcError: arrays of another shape than the problem's, or not of numbers.
         """
-        begin = _NO_START if start is None else start
+        begin = _NO_START
+        if start is not None and np.shape(start) == self._shapes[0][1:]:
+            begin = _fitted("start", start, self._shapes[0][1:])
+            begin = begin if begin.flags.writeable else begin.copy()
         return self._asked(OPTIMUM, G, J, tau_e, h_e, begin)
 
     def inside(self, G: Array, J: Array | HandJacobian, tau_e: Array, h_e: Array) -> ForceStep:
@@ -197,13 +219,14 @@ class ForceSolver:
     def load_factor(self, G: Array, J: Array | HandJacobian, tau_e: Array, h_e: Array) -> float:
         """The largest λ with G c = λ h_e inside all limits.
 
-        0 where friction cannot balance h_e at all; inf where no limit binds; NaN where rank G < 6
-        or τ_e alone is outside the torque limits.
+        0 where friction cannot balance h_e at all; inf where no limit binds; NaN where rank G < 6,
+        τ_e alone is outside the torque limits, or the method found none.
         """
         out = self._new()
         code, _ = self._call(LOAD, G, J, tau_e, h_e, _NO_START, out)
-        if not np.any(h_e):
-            return np.inf
+        if not np.any(h_e) and code not in (_UNRANKED, _NOT_FINITE):
+            low, high = self.problem.tau_min, self.problem.tau_max
+            return np.inf if bool(np.all((low < tau_e) & (tau_e < high))) else np.nan
         return {_SOLVED: float(out[-1]), _INFEASIBLE: 0.0}.get(code, np.nan)
 
     def _new(self) -> Array:
@@ -215,13 +238,20 @@ class ForceSolver:
         start: Array, out: Array,
     ) -> tuple[int, int]:  # fmt: skip
         layout, fixed = self._inside
+        of_g, of_j, of_tau, of_h = self._shapes
+        (own, shared), dense = self._room, _NO_J
         if isinstance(J, HandJacobian):
-            own, shared, dense = J.own.copy(), J.shared.copy(), _NO_J
+            own = _fitted("J.own", J.own, own.shape).copy()
+            shared = _fitted("J.shared", J.shared, shared.shape).copy()
         else:
-            (own, shared), dense = self._room, J
+            dense = _fitted("J", J, of_j)
         # numba compiles anew for every mixture of arrays that may and may not be written to
-        grasp, jacobian, e, h = map(read_only_view, (G, dense, tau_e, h_e))
+        grasp, jacobian = read_only_view(_fitted("G", G, of_g)), read_only_view(dense)
+        e = read_only_view(_fitted("tau_e", tau_e, of_tau))
+        h = read_only_view(_fitted("h_e", h_e, of_h))
         code, used = answer(layout, fixed, grasp, jacobian, own, shared, e, h, start, question, out)
+        if code == _BESIDE and not np.isfinite(dense).all():
+            return _NOT_FINITE, used
         if code == _BESIDE:  # a joint moves a finger that it had not moved: seen once
             self._arrange(
                 self._moves | np.logical_or.reduceat(dense != 0.0, self.problem.first, axis=0).T
@@ -250,7 +280,7 @@ class ForceSolver:
         if code != _SOLVED:
             status = self._verdict(code, G, J, tau_e, h_e)
         elif question == LEAST:
-            gap = (total - bound) / total if total > 0.0 else 0.0
+            gap = (total - bound) / max(total, _FLOOR * float(self._inside.fixed[REST]))
         elif room < self.margin:
             status = ForceStatus.LOW_MARGIN
         return ForceStep(
@@ -265,3 +295,21 @@ class ForceSolver:
         without, _ = self._call(FRICTION, G, J, tau_e, h_e, _NO_START, self._new())
         strong = without == _SOLVED
         return ForceStatus.INFEASIBLE_TORQUE_LIMITS if strong else ForceStatus.INFEASIBLE_FRICTION
+
+
+def _fitted(name: str, given: Array, shape: tuple[int, ...]) -> Array:
+    """An array as the kernels read it: they trust shape and layout, and compile anew for others."""
+    if type(given) is np.ndarray and given.dtype is _DOUBLE and given.shape == shape:
+        flags = given.flags
+        if flags.c_contiguous and flags.aligned:
+            return given
+    try:
+        values = np.asarray(given)
+        if values.dtype.kind not in "fiub":
+            raise ValueError
+        array = np.array(values, dtype=np.float64, order="C")
+    except (TypeError, ValueError):
+        raise WbcError(f"{name} is not an array of numbers") from None
+    if array.shape != shape:
+        raise WbcError(f"{name} has shape {array.shape}, expected {shape}")
+    return array
