@@ -158,7 +158,7 @@ def test_a_joint_that_may_hardly_move(seed: int) -> None:
     c = solve(problem).c
     tau, j = problem.J.T @ c + problem.tau_e, rng.integers(problem.joints)
     low, high = np.array(problem.tau_min), np.array(problem.tau_max)
-    room = 10.0 ** rng.uniform(-8.0, -6.0)  # at 1e-10 a verdict may be wrong
+    room = 10.0 ** rng.uniform(-5.0, -3.0)  # closer, rounding may call it infeasible
     low[j], high[j] = tau[j] - room, tau[j] + room
     for method in ("newton", "exact"):
         found = solve(problem.with_(tau_min=low, tau_max=high), method)
