@@ -152,7 +152,11 @@ def _add_assemble(commands: Any) -> None:
 def _add_forces(commands: Any) -> None:
     text = "solve one grasp force problem: how hard each contact must press"
     forces = _add(commands, "forces", text, "forces")
-    forces.add_argument("problem", metavar="PROBLEM.npz", help="G, J, torque limits, mu, h_e, ...")
+    forces.add_argument(
+        "problem", metavar="PROBLEM.npz",
+        help="arrays G (6,M), J (M,l), tau_e, tau_min, tau_max (l,), mu (n,), h_e (6,); for soft "
+        "fingers mu_t (n,) and model; see docs/forces.md",
+    )  # fmt: skip
     forces.add_argument("--out", metavar="RESULT.npz", required=True, help="the file to write")
     forces.add_argument(
         "--method", default="newton", metavar="METHOD",

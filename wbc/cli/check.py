@@ -177,7 +177,9 @@ def _phases(assembly: Assembly, rehearsal: Rehearsal) -> Iterable[str]:
             yield from (f"   {line}" for line in _grasp_lines(stage.grasp))
             yield f"   manipulability: {_manipulability(assembly, phase, stage)}"
             if stage.load is not None and stage.load[1] > 0.0:
-                yield f"   forces: hold {stage.load[1]:.3g} times the weight at rest"
+                factor = stage.load[1]
+                most = "any weight" if factor == np.inf else f"{factor:.3g} times the weight"
+                yield f"   forces: hold {most} at rest"
 
 
 def _grasp_fingers(assembly: Assembly) -> tuple[str, ...]:

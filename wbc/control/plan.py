@@ -118,7 +118,9 @@ def load_fault(phase: Phase, index: int, load: tuple[ForceStatus, float]) -> Fau
     if factor > 0.0:
         weak = f"the joints are too weak: they hold {factor:.2g} of the object's weight"
     found = {
-        ForceStatus.INFEASIBLE_TORQUE_LIMITS: (weak, "lighten it, or raise forces.torque_limits"),
+        ForceStatus.INFEASIBLE_TORQUE_LIMITS: (
+            weak, "lighten it, or raise forces.torque_limits or forces.friction"
+        ),
         ForceStatus.INFEASIBLE_FRICTION: (
             "friction cannot hold the object's weight", "raise it, or choose other contact points"
         ),
