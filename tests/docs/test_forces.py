@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.forces.problems import two_hands
 from wbc.forces import ForceStatus, solve
 
-from ..forces.problems import two_hands
 from .readme import ROOT
 
 TEXT = (ROOT / "docs" / "forces.md").read_text(encoding="utf-8")
