@@ -183,6 +183,8 @@ class ForceSolver:
             raise WbcError(f"moves has shape {np.shape(moves)}, expected {want}")
         m, l_joints = problem.size, problem.joints
         self._shapes = (6, m), (m, l_joints), (l_joints,), (6,)
+        c = m + problem.contacts + l_joints
+        self._ends = m, c - l_joints, c, c + l_joints, c + l_joints + _SCALARS
         self._arrange(np.asarray(moves, dtype=np.bool_))
 
     def solve(
@@ -203,9 +205,12 @@ class ForceSolver:
             WbcError: arrays of another shape than the problem's, or not of numbers.
         """
         begin = _NO_START
-        if start is not None and np.shape(start) == self._shapes[0][1:]:
-            begin = _fitted("start", start, self._shapes[0][1:])
-            begin = begin if begin.flags.writeable else begin.copy()
+        of_c = self._shapes[0][1:]
+        if start is not None:
+            shape = start.shape if type(start) is np.ndarray else np.shape(start)
+            if shape == of_c:
+                begin = _fitted("start", start, of_c)
+                begin = begin if begin.flags.writeable else begin.copy()
         return self._asked(OPTIMUM, G, J, tau_e, h_e, begin)
 
     def inside(self, G: Array, J: Array | HandJacobian, tau_e: Array, h_e: Array) -> ForceStep:
@@ -230,8 +235,7 @@ class ForceSolver:
         return {_SOLVED: float(out[-1]), _INFEASIBLE: 0.0}.get(code, np.nan)
 
     def _new(self) -> Array:
-        p = self.problem
-        return np.empty(p.size + p.contacts + 2 * p.joints + _SCALARS)
+        return np.empty(self._ends[-1])
 
     def _call(
         self, question: int, G: Array, J: Array | HandJacobian, tau_e: Array, h_e: Array,
@@ -270,12 +274,10 @@ class ForceSolver:
         self, question: int, G: Array, J: Array | HandJacobian, tau_e: Array, h_e: Array,
         start: Array,
     ) -> ForceStep:  # fmt: skip
-        problem, out = self.problem, self._new()
+        out = self._new()
         code, used = self._call(question, G, J, tau_e, h_e, start, out)
-        a = problem.size
-        b = a + problem.contacts
-        c = b + problem.joints
-        phi, total, balance, room, bound = out[-_SCALARS:].tolist()
+        a, b, c, d, _ = self._ends
+        phi, total, balance, room, bound = out[d:].tolist()
         status, gap = ForceStatus.SOLVED, np.nan
         if code != _SOLVED:
             status = self._verdict(code, G, J, tau_e, h_e)
@@ -284,7 +286,7 @@ class ForceSolver:
         elif room < self.margin:
             status = ForceStatus.LOW_MARGIN
         return ForceStep(
-            status, out[:a], out[c:-_SCALARS], out[a:b], out[b:c], phi, total, used, balance, gap
+            status, out[:a], out[c:d], out[a:b], out[b:c], phi, total, used, balance, gap
         )
 
     def _verdict(
