@@ -18,6 +18,8 @@ the cones, duality bounds the optimum, and ν and z are the certificate.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wbc.arrays import Array, IntArray
@@ -28,24 +30,24 @@ from wbc.forces.arrow import (
     dot,
     largest,
     largest_term,
-    room_for,
     solve,
     transposed,
     unbalanced,
 )
-from wbc.forces.blocks import HandJacobian
 from wbc.forces.cones import cone_margins, times
 from wbc.forces.interior import (
     SIGN,
     Point,
     Question,
     Scaling,
+    degree_of,
     direction,
     factored,
     first_multipliers,
     gap_after,
     lengths,
     new_point,
+    new_scaling,
     opening,
     slacks,
 )
@@ -110,6 +112,98 @@ def _missed(contact: IntArray, ask: Question, at: Point, dual: Array, least: flo
     return float(forces * max(-least, 0.0) + abs(at.p[0]) * max(-room, 0.0))
 
 
+class Seen(NamedTuple):
+    """Where an iteration stands.
+
+    Attributes:
+        value: fᵀu + p; gap: Σ slack × multiplier.
+        missing: of what is proven of the optimum, or all but proven, to the value.
+        left: the same, with what a verdict must cover.
+        proven: what the multipliers prove of fᵀu without p; least: smallest margin of their Z.
+        off: largest entry of G u + g p − h; size: what that is relative to.
+        rp: residual of p's stationarity.
+    """
+
+    value: float
+    gap: float
+    missing: float
+    left: float
+    proven: float
+    least: float
+    off: float
+    size: float
+    rp: float
+
+
+@kernel
+def _seen(
+    given: Constraints, ask: Question, at: Point, stationary: bool, best: float, none: Point,
+    dual: Array, rx: Array, ry: Array,
+) -> tuple[Seen, bool, float]:  # fmt: skip
+    """Judge a point; fills dual with Z and the residuals rx (M,), ry (6,).
+
+    Args:
+        stationary: z has been Z exactly; best: the best bound proven so far, without p.
+        none: any direction.
+
+    Returns:
+        What is seen, stationary and best from now on.
+    """
+    contact = given.shape.contact
+    unbalanced(given.gt, at.u, given.h, ry)
+    add(at.p[0], ask.g, ry)
+    proven, least = certificate(given, ask.f, at.nu, at.zb, dual)
+    off = 0.0
+    for k in range(len(rx)):
+        rx[k] = dual[k] - at.z[k]
+        off = max(off, abs(rx[k]))
+    if stationary or (least > 0.0 and off <= 1e-6 * largest(at.z)):
+        stationary = True
+        at.z[:] = dual
+        rx[:] = 0.0
+    gap, value = gap_after(at, none, 0.0, 0.0), dot(ask.f, at.u) + at.p[0]
+    rp = 1.0 - at.p[2] + dot(ask.g, at.nu) - opening(contact, ask, at.z, at.zb)
+    if ask.with_p:  # what is left between value and bound, and what the bound misses
+        missed = _missed(contact, ask, at, dual, least)
+        missing, left = gap + missed, gap + _TIMES * missed
+    else:  # towards ν = 0 and z = 0, where Z = f is inside by 1
+        best = max(best, proven / (1.0 - min(least, 0.0)))
+        missing, left = value - best, np.inf
+    size = largest_term(given.gt, at.u, given.h)
+    seen = Seen(value, gap, missing, left, proven, least, largest(ry), size, rp)
+    return seen, stationary, best
+
+
+@kernel
+def _advanced(
+    given: Constraints, ask: Question, at: Point, by: Scaling, step: Point, seen: Seen,
+    rx: Array, ry: Array, stationary: bool, degree: int,
+) -> bool:  # fmt: skip
+    """Predict, correct with the same factors, and go; False where that leads nowhere."""
+    contact, rp, gap = given.shape.contact, seen.rp, seen.gap
+    direction(given, ask, at, by, rx, ry, rp, 0.0, 0.0, 0.0, stationary, step)
+    step_s, step_z = lengths(contact, ask, at, step)
+    step_s, step_z = min(1.0, step_s), min(1.0, step_z)
+    sigma = min(max((gap_after(at, step, step_s, step_z) / gap) ** 3, 1e-8), 1.0)
+    weight = min(step_s, step_z)  # a short step tells little of the curvature
+    direction(given, ask, at, by, rx, ry, rp, sigma, sigma * gap / degree, weight, stationary, step)
+    step_s, step_z = lengths(contact, ask, at, step)
+    way = _STEP + _MORE * weight
+    step_s, step_z = min(1.0, way * step_s), min(1.0, way * step_z)
+    if not (max(step_s, step_z) > 1e-9 and np.isfinite(dot(step.u, step.u))):
+        return False
+    add(step_s, step.u, at.u)
+    if not ask.with_p and cone_margins(contact, at.u, np.empty(len(by.eta))) <= 0.0:
+        add(-1e-3 * step_s, step.u, at.u)  # u = 0 to rounding
+    at.p[0] += step_s * step.p[0]
+    add(step_z, step.z, at.z)
+    add(step_z, step.zb[0], at.zb[0])
+    add(step_z, step.zb[1], at.zb[1])
+    add(step_z, step.nu, at.nu)
+    at.p[2] += step_z * step.p[2]
+    return True
+
+
 @kernel
 def conic(
     given: Constraints, ask: Question, tolerance: float, most: int, u: Array, p: float
@@ -125,65 +219,33 @@ def conic(
         and at least half as far as it can be) or STALLED; iterations; p; without p the best bound
         proven on the optimum.
     """
-    shape, m, l_joints = given.shape, len(u), len(given.tau_e)
-    contact, own, shared = shape.contact, given.jacobian.own, given.jacobian.shared
-    few, n = 6 + shared.shape[0], len(contact) - 1
+    m, l_joints, few = len(u), len(given.tau_e), 6 + given.jacobian.shared.shape[0]
     at, step = new_point(m, l_joints, few), new_point(m, l_joints, few)
-    by = Scaling(
-        np.empty(m), np.empty(n), np.empty(m),
-        HandJacobian(np.empty(len(own)), np.empty((shared.shape[0], m))),
-        room_for(shape, shared.shape[0]), np.zeros(m), np.zeros(m), np.zeros(few), np.zeros(1),
-    )  # fmt: skip
+    by, tau = new_scaling(given), np.empty(l_joints)
+    dual, rx, ry = np.empty(m), np.empty(m), np.empty(6)
     add(1.0, u, at.u)
     at.p[0] = p if ask.with_p else 0.0
-    tau, dual, rx, ry = np.empty(l_joints), np.empty(m), np.empty(m), np.empty(6)
-    margin = np.empty(n)
-    degree, best, stationary = n, -np.inf, False
-    for k in range(2):
-        for j in range(l_joints):
-            degree += int(ask.a[k, j] >= 0.0)
-    degree += int(ask.with_p)
-    code, used, polished, value, missing = STALLED, most, 0, np.inf, np.inf
-    gap_left = np.inf
-    least_value = 1e-6  # below which p counts as 0, or Σ c_z if it was a million times larger
-    size, good_balance = 0.0, _BALANCED_P if ask.with_p else _BALANCED
+    # below which p counts as 0, or Σ c_z if it was a million times larger
+    floor = 1e-6 if ask.with_p else 1e-6 * abs(dot(ask.f, u))
+    degree, code, used, polished = degree_of(ask), STALLED, most, 0
+    stationary, best, good_balance = False, -np.inf, _BALANCED_P if ask.with_p else _BALANCED
+    seen = Seen(np.inf, np.inf, np.inf, np.inf, 0.0, 0.0, np.inf, 0.0, 0.0)
     for iteration in range(most):
+        used = iteration
         slacks(given, ask, at, tau)
         if iteration == 0:
-            first_multipliers(contact, ask, at)
-        unbalanced(given.gt, at.u, given.h, ry)
-        add(at.p[0], ask.g, ry)
-        bound, least = certificate(given, ask.f, at.nu, at.zb, dual)
-        off = 0.0
-        for k in range(m):
-            rx[k] = dual[k] - at.z[k]
-            off = max(off, abs(rx[k]))
-        if stationary or (least > 0.0 and off <= 1e-6 * largest(at.z)):
-            stationary, off = True, 0.0  # from now on exactly
-            at.z[:] = dual
-            rx[:] = 0.0
-        gap, value, p = gap_after(at, step, 0.0, 0.0), dot(ask.f, at.u) + at.p[0], at.p[0]
-        rp = 1.0 - at.p[2] + dot(ask.g, at.nu) - opening(contact, ask, at.z, at.zb)
-        size = largest_term(given.gt, at.u, given.h)
-        balanced = largest(ry) <= 1e-3 * tolerance * size
-        if ask.with_p:  # what is left between value and bound, and what the bound misses
-            missed = _missed(contact, ask, at, dual, least)
-            missing, gap_left = gap + missed, gap + _TIMES * missed
-            closed = True
-        else:  # towards ν = 0 and z = 0, where Z = f is inside by 1
-            best = max(best, bound / (1.0 - min(least, 0.0)))
-            missing, closed = value - best, largest(ry) <= 1e-4 * size
-        if iteration == 0 and not ask.with_p:
-            least_value = 1e-6 * abs(value)
-        closed &= missing <= tolerance * max(abs(value), least_value)
-        used = iteration
+            first_multipliers(given.shape.contact, ask, at)
+        seen, stationary, best = _seen(given, ask, at, stationary, best, step, dual, rx, ry)
+        p, balanced = at.p[0], seen.off <= 1e-3 * tolerance * seen.size
+        closed = seen.missing <= tolerance * max(abs(seen.value), floor)
+        closed &= ask.with_p or seen.off <= 1e-4 * seen.size
         if closed and (balanced or polished == _POLISH):
-            code = OPTIMAL if balanced or largest(ry) <= good_balance * size else STALLED
+            code = OPTIMAL if balanced or seen.off <= good_balance * seen.size else STALLED
             break
-        if ask.sign_of_p and bound > max(-least, 0.0) * _MOST_FORCE * size:
-            code, best = POSITIVE, bound
+        if ask.sign_of_p and seen.proven > max(-seen.least, 0.0) * _MOST_FORCE * seen.size:
+            code, best = POSITIVE, seen.proven
             break
-        if ask.sign_of_p and balanced and p < 0.0 and (p <= 0.5 * ask.low or gap <= -p):
+        if ask.sign_of_p and balanced and p < 0.0 and (p <= 0.5 * ask.low or seen.gap <= -p):
             code = NEGATIVE
             break
         if not factored(given, ask, at, by):
@@ -191,33 +253,13 @@ def conic(
         if closed:  # all that is left is balance
             _rebalance(given, ask, at, by, ry)
             polished += 1
-            continue
-        direction(given, ask, at, by, rx, ry, rp, 0.0, 0.0, 0.0, stationary, step)
-        step_s, step_z = lengths(contact, ask, at, step)
-        step_s, step_z = min(1.0, step_s), min(1.0, step_z)
-        sigma = min(max((gap_after(at, step, step_s, step_z) / gap) ** 3, 1e-8), 1.0)
-        weight = min(step_s, step_z)  # a short step tells little of the curvature
-        direction(
-            given, ask, at, by, rx, ry, rp, sigma, sigma * gap / degree, weight, stationary, step
-        )
-        step_s, step_z = lengths(contact, ask, at, step)
-        way = _STEP + _MORE * weight
-        step_s, step_z = min(1.0, way * step_s), min(1.0, way * step_z)
-        if not (max(step_s, step_z) > 1e-9 and np.isfinite(dot(step.u, step.u))):
+        elif not _advanced(given, ask, at, by, step, seen, rx, ry, stationary, degree):
             break
-        add(step_s, step.u, at.u)
-        if not ask.with_p and cone_margins(contact, at.u, margin) <= 0.0:  # u = 0 to rounding
-            add(-1e-3 * step_s, step.u, at.u)
-        at.p[0] += step_s * step.p[0]
-        add(step_z, step.z, at.z)
-        add(step_z, step.zb[0], at.zb[0])
-        add(step_z, step.zb[1], at.zb[1])
-        add(step_z, step.nu, at.nu)
-        at.p[2] += step_z * step.p[2]
-    if code == STALLED and largest(ry) <= good_balance * size:  # to rounding, on most problems
+    if code == STALLED and seen.off <= good_balance * seen.size:  # to rounding, on most problems
         slack = 10.0 if ask.with_p else 2.0
-        code = OPTIMAL if missing <= slack * tolerance * max(abs(value), least_value) else STALLED
-    if code == STALLED and ask.sign_of_p and at.p[0] - gap_left > 0.0:  # all but proven
+        enough = slack * tolerance * max(abs(seen.value), floor)
+        code = OPTIMAL if seen.missing <= enough else STALLED
+    if code == STALLED and ask.sign_of_p and at.p[0] - seen.left > 0.0:  # all but proven
         code = POSITIVE
     u[:] = at.u
     return code, used, at.p[0], best

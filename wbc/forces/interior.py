@@ -16,6 +16,7 @@ from wbc.forces.arrow import (
     add_product,
     dot,
     factor,
+    room_for,
     solve,
     transposed,
 )
@@ -98,6 +99,24 @@ def new_point(m: int, l_joints: int, few: int) -> Point:
 
 
 @kernel
+def new_scaling(given: Constraints) -> Scaling:
+    m, (own, shared) = len(given.gt), given.jacobian
+    few = 6 + shared.shape[0]
+    return Scaling(
+        np.empty(m), np.empty(len(given.shape.contact) - 1), np.empty(m),
+        HandJacobian(np.empty(len(own)), np.empty((shared.shape[0], m))),
+        room_for(given.shape, shared.shape[0]), np.zeros(m), np.zeros(m), np.zeros(few),
+        np.zeros(1),
+    )  # fmt: skip
+
+
+@kernel
+def degree_of(ask: Question) -> int:
+    """How many cones and half-lines there are: Σ slack × multiplier over it is the centre."""
+    return int(len(ask.e) + (ask.a >= 0.0).sum()) + int(ask.with_p)
+
+
+@kernel
 def slacks(given: Constraints, ask: Question, at: Point, tau: Array) -> None:
     """Slacks exactly as u and p give them."""
     shape, p = given.shape, at.p[0]
@@ -164,7 +183,7 @@ def first_multipliers(contact: IntArray, ask: Question, at: Point) -> None:
 @kernel
 def _times_joints(shape: Shape, w: Array, eta: Array, own: Array, out: Array) -> None:
     """out = W J for the blocks' own joints."""
-    contact, block, joint = shape
+    contact, block, joint = shape.contact, shape.block, shape.joint
     value = 0
     for b in range(len(block) - 1):
         low, high = contact[block[b]], contact[block[b + 1]]
@@ -198,7 +217,7 @@ def _scale_rows(given: Constraints, by: Scaling) -> None:
 
 @kernel
 def _identity(shape: Shape, hessian: Array) -> None:
-    contact, block, _ = shape
+    contact, block = shape.contact, shape.block
     for b in range(len(block) - 1):
         first, last = contact[block[b]], contact[block[b + 1]]
         for i in range(first, last):

@@ -67,15 +67,14 @@ def least_squares(gt: Array, h: Array, u: Array) -> bool:
 
 
 @kernel
-def margin_question(given: Constraints, rest: float, u: Array) -> tuple[Question, float]:
+def margin_question(given: Constraints, force: float, u: Array) -> tuple[Question, float]:
     """Phase I: the largest t with every cone margin ≥ t F, every torque margin ≥ t half its range.
 
-    F is the force of `first_point`. From u = G⁺ h; p = −t.
+    F is the force of `first_point`. From u; p = −t.
     """
     contact, l_joints = given.shape.contact, len(given.tau_e)
     n, tau, a = len(contact) - 1, np.empty(l_joints), np.full((2, l_joints), -1.0)
-    force = max(first_point(given, rest, u), 1e-3 * largest(given.h))
-    least_squares(given.gt, given.h, u)
+    force = max(force, 1e-3 * largest(given.h))
     transposed(given.shape, given.jacobian, u, tau)
     p = max(0.0, -cone_margins(contact, u, np.empty(n)) / force)
     for j in range(l_joints):
@@ -142,20 +141,21 @@ def settle(
         STALLED (no verdict); iterations; the margin t, a certified lower bound of Σ c_z, or the
         load factor.
     """
-    l_joints = len(given.tau_e)
-    if not least_squares(given.gt, given.h, u):
+    l_joints, least = len(given.tau_e), np.empty(len(u))
+    if not least_squares(given.gt, given.h, least):
         return UNRANKED, 0, 0.0
     now, most = given, int(_MOST)
     if want in (FRICTION, LOAD):
         none = np.full((2, l_joints), np.inf)
         none[0] = -np.inf
         now = Constraints(given.shape, given.jacobian, given.gt, np.zeros(l_joints), none, given.h)
-    used = 0
-    if want == LEAST and first_point(now, rest, u) > 0.0:  # phase I only where it is hard
+    used, force = 0, first_point(now, rest, u)
+    if want == LEAST and force > 0.0:  # phase I only where it is hard
         code, used, p, bound = conic(now, least_question(now), tolerance, int(_EASY), u, 0.0)
         if code == OPTIMAL:
             return code, used, bound
-    ask, p = margin_question(now, rest, u)
+    u[:] = least
+    ask, p = margin_question(now, force, u)
     code, more, p, _ = conic(now, ask, tolerance, most, u, p)
     used += more
     if code == OPTIMAL:  # of the margin; its sign is what was asked
