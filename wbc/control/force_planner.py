@@ -133,10 +133,8 @@ class _Hold:
 
     def __init__(self, kin: ExtendedKinematics, settings: ForceSettings, mode: IntArray) -> None:
         self.fingers: IntArray = np.flatnonzero(mode)
-        chains = np.zeros((len(self.fingers), kin.robot.model.nv), dtype=np.bool_)
-        for row, i in enumerate(self.fingers):
-            carriers = kin.robot.chains[i]
-            chains[row, kin.robot.model.master[carriers[carriers >= 0]]] = True
+        model, tips = kin.robot.model, [kin.robot.frames[i] for i in self.fingers]
+        chains: BoolArray = np.array([model.support(model.frame(tip)) for tip in tips]) > 0.0
         self.joints: IntArray = np.flatnonzero(chains.any(axis=0))
         m = 4 if settings.soft else 3
         slides = mode[self.fingers] == ContactMode.SLIDING
