@@ -9,13 +9,9 @@ import numpy as np
 
 from wbc.arrays import Array
 from wbc.forces import POINT, SOFT_FINGER, GraspForceProblem
-from wbc.rotations import exp_so3
+from wbc.rotations import exp_so3, skew
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
-
-
-def skew(p: Array) -> Array:
-    return np.array([[0.0, -p[2], p[1]], [p[2], 0.0, -p[0]], [-p[1], p[0], 0.0]])
 
 
 def contact_frame(normal: Array) -> Array:
@@ -115,6 +111,18 @@ def two_hands(
         "h_e": np.concatenate([-mass * GRAVITY, [0.0, 0.02, 0.0]]),
     }
     return GraspForceProblem(**{**values, **changes})
+
+
+def mixed(seed: int = 3) -> GraspForceProblem:
+    """Points and soft fingers together, two contacts on one finger, an arm, a joint unlimited."""
+    whole = two_hands(SOFT_FINGER, arms=3, seed=seed)
+    models = [SOFT_FINGER if i % 3 else POINT for i in range(10)]
+    keep = [k for k in range(40) if not (k % 4 == 3 and models[k // 4] == POINT)]
+    jacobian = np.array(whole.J[keep])
+    jacobian[:4, 3] = 0.01  # the second finger's first joint also moves the first contact
+    low, high = np.array(whole.tau_min), np.array(whole.tau_max)
+    low[[7, 33]], high[[7, 33]] = -np.inf, np.inf
+    return whole.with_(G=whole.G[:, keep], J=jacobian, model=models, tau_min=low, tau_max=high)
 
 
 def random_grasp(rng: np.random.Generator, *, model: str | None = None) -> GraspForceProblem:

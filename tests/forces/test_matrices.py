@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wbc.forces import POINT, SOFT_FINGER
+from wbc.forces import POINT, SOFT_FINGER, GraspForceProblem
 from wbc.forces.cost import (
     balance_error,
     cone_margins,
@@ -19,15 +19,18 @@ from wbc.forces.cost import (
 )
 
 from . import reference
-from .problems import two_hands
+from .problems import mixed, two_hands
 
-MODELS = pytest.mark.parametrize("model", [POINT, SOFT_FINGER])
+PROBLEMS = pytest.mark.parametrize(
+    "problem",
+    [two_hands(POINT, load=1.4), two_hands(SOFT_FINGER, load=1.4), mixed()],
+    ids=["points", "soft fingers", "mixed"],
+)
 
 
-@MODELS
-def test_cost_is_the_trace(model: str) -> None:
+@PROBLEMS
+def test_cost_is_the_trace(problem: GraspForceProblem) -> None:
     """(15) with (6)-(11) and (16); W_p P has no share of the torques."""
-    problem = two_hands(model, load=1.4)
     c = reference.feasible_start(problem)
     assert c is not None
     p = constraint_matrix(problem, c)
@@ -38,31 +41,38 @@ def test_cost_is_the_trace(model: str) -> None:
     np.testing.assert_allclose(pressing, 2.0 * problem.w_p * c[problem.normal].sum())
 
 
-@MODELS
+@PROBLEMS
 @pytest.mark.parametrize("seed", range(10))
-def test_positive_definite_is_inside(model: str, seed: int) -> None:
+def test_positive_definite_is_inside(problem: GraspForceProblem, seed: int) -> None:
     """(6), (9), (11): P > 0 exactly where every cone (2)-(3) and limit (5) holds."""
-    problem = two_hands(model, load=1.0)
     rng = np.random.default_rng(seed)
     c = reference.optimum(problem) + 0.2 * problem.scale * rng.standard_normal(problem.size)
     inside = cone_margins(problem, c).min() > 0.0 and torque_margins(problem, c).min() > 0.0
     assert (np.linalg.eigvalsh(constraint_matrix(problem, c)).min() > 0.0) == inside
     assert np.isfinite(cost(problem, c)) == inside
-    for i in range(problem.contacts):
+    for i, margin in enumerate(cone_margins(problem, c)):
         low = np.linalg.eigvalsh(friction_matrix(problem, c, i)).min()
-        np.testing.assert_allclose(low, cone_margins(problem, c)[i], atol=1e-12)
+        np.testing.assert_allclose(low, margin, atol=1e-12)
+        k, mu = problem.first[i], problem.mu[i]
+        square = (c[k] ** 2 + c[k + 1] ** 2) / mu**2
+        if problem.dims[i] == 4:
+            assert problem.mu_t is not None
+            square += (c[k + 3] / problem.mu_t[i]) ** 2
+        assert (margin > 0.0) == (square < c[k + 2] ** 2 and c[k + 2] > 0.0)
+    bounds = np.diag(constraint_matrix(problem, c)).real[2 * problem.contacts :]
+    np.testing.assert_allclose(bounds.min(), torque_margins(problem, c).min(), rtol=1e-12)
 
 
-@MODELS
-def test_linear_constraints(model: str) -> None:
+@PROBLEMS
+def test_linear_constraints(problem: GraspForceProblem) -> None:
     """(1), (4), (10), (12)-(14): A ξ(P) = b for every c in balance, whatever its torques."""
-    problem = two_hands(model, load=1.4)
     particular, null = reference.balanced(problem)
     c = particular + null @ np.random.default_rng(0).standard_normal(null.shape[1])
     tau = torques(problem, c)
     np.testing.assert_allclose(tau, problem.J.T @ c + problem.tau_e)
     a, b = linear_constraints(problem)
-    xi = np.concatenate([c, tau - problem.tau_min, problem.tau_max - tau])
+    j = problem.limited
+    xi = np.concatenate([c, (tau - problem.tau_min)[j], (problem.tau_max - tau)[j]])
     np.testing.assert_allclose(a @ xi, b, atol=1e-9)
     assert balance_error(problem, c) < 1e-12
 

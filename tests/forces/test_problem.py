@@ -13,19 +13,9 @@ import pytest
 from wbc.cli import main
 from wbc.errors import WbcError
 from wbc.forces import SOFT_FINGER, ForceStatus, GraspForceProblem, GraspForceSolution, solve
-from wbc.forces.cost import (
-    cone_margins,
-    constraint_matrix,
-    cost,
-    friction_matrix,
-    linear_constraints,
-    torque_margins,
-    torques,
-    weights,
-)
+from wbc.forces.cost import cone_margins, torque_margins
 
-from .problems import two_hands
-from .test_solver import mixed
+from .problems import mixed, two_hands
 
 BAD = {
     "mu": ({"mu": np.full(10, -0.6)}, "mu[0] is -0.6: it must be positive"),
@@ -94,47 +84,6 @@ def test_problem_and_solution_come_back_from_their_files(
     again = GraspForceSolution.load(tmp_path / "s.npz")
     assert again.status is ForceStatus.SOLVED
     assert np.array_equal(again.c, solution.c) and again.load_factor == solution.load_factor
-
-
-def test_cost_is_the_printed_trace() -> None:
-    """(15) with the matrices (6)-(11) and the weights (16), points and soft fingers."""
-    problem = mixed()
-    c = solve(problem).c
-    p = constraint_matrix(problem, c)
-    w_p, w_b = weights(problem)
-    printed = np.trace(np.diag(w_p) @ p + np.diag(w_b) @ np.linalg.inv(p)).real
-    assert cost(problem, c) == pytest.approx(printed, rel=1e-12)
-
-
-def test_margins_are_the_smallest_eigenvalues_of_p() -> None:
-    """(2)-(3) hold where F_i (7)-(8) is positive definite, and (5) where T (9) is."""
-    problem, rng = mixed(), np.random.default_rng(0)
-    for _ in range(20):
-        c = rng.standard_normal(problem.size)
-        c[problem.normal] += 2.0
-        for i, margin in enumerate(cone_margins(problem, c)):
-            values = np.linalg.eigvalsh(friction_matrix(problem, c, i))
-            assert values[0] == pytest.approx(margin, abs=1e-12)
-            k, mu = problem.first[i], problem.mu[i]
-            square = (c[k] ** 2 + c[k + 1] ** 2) / mu**2
-            if problem.dims[i] == 4:
-                assert problem.mu_t is not None
-                square += (c[k + 3] / problem.mu_t[i]) ** 2
-            assert (margin > 0.0) == (square < c[k + 2] ** 2 and c[k + 2] > 0.0)
-        bounds = np.diag(constraint_matrix(problem, c)).real[2 * problem.contacts :]
-        limited = problem.limited
-        assert bounds.min() == pytest.approx(torque_margins(problem, c)[limited].min())
-
-
-def test_linear_constraints_hold_for_c_with_its_torques() -> None:
-    """(12)-(14)."""
-    problem = mixed()
-    c = solve(problem).c
-    a, b = linear_constraints(problem)
-    j = problem.limited
-    tau = torques(problem, c)[j]
-    xi = np.concatenate([c, tau - problem.tau_min[j], problem.tau_max[j] - tau])
-    assert a @ xi == pytest.approx(b, abs=1e-10)
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,7 +18,7 @@ from wbc.forces import (
 from wbc.forces.blocks import find_blocks, pattern
 from wbc.forces.cost import balance_error, cone_margins, cost, torque_margins, torques
 
-from .problems import grasp_matrix, many_contacts, pouring, random_grasp, two_hands
+from .problems import grasp_matrix, many_contacts, mixed, pouring, random_grasp, two_hands
 from .reference import balanced, derivatives
 
 MODELS = (POINT, SOFT_FINGER)
@@ -34,18 +34,6 @@ def excess(problem: GraspForceProblem, c: Array) -> float:
     _, null = balanced(problem)
     g = null.T @ gradient
     return float(0.5 * g @ np.linalg.solve(null.T @ hessian @ null, g)) / cost(problem, c)
-
-
-def mixed(seed: int = 3) -> GraspForceProblem:
-    """Points and soft fingers together, two contacts on one finger, an arm, a joint unlimited."""
-    whole = two_hands(SOFT_FINGER, arms=3, seed=seed)
-    models = [SOFT_FINGER if i % 3 else POINT for i in range(10)]
-    keep = [k for k in range(40) if not (k % 4 == 3 and models[k // 4] == POINT)]
-    jacobian = np.array(whole.J[keep])
-    jacobian[:4, 3] = 0.01  # the second finger's first joint also moves the first contact
-    low, high = np.array(whole.tau_min), np.array(whole.tau_max)
-    low[[7, 33]], high[[7, 33]] = -np.inf, np.inf
-    return whole.with_(G=whole.G[:, keep], J=jacobian, model=models, tau_min=low, tau_max=high)
 
 
 PROBLEMS = {
