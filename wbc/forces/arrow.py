@@ -21,18 +21,11 @@ from wbc.forces.blocks import HandJacobian
 
 
 class Shape(NamedTuple):
-    """How contacts, blocks and joints follow each other.
-
-    Attributes:
-        contact, block, joint: as in `Blocks`.
-        row, column: component and joint, inside, of each entry of `HandJacobian.own`.
-    """
+    """How contacts, blocks and joints follow each other; contact, block, joint as in `Blocks`."""
 
     contact: IntArray
     block: IntArray
     joint: IntArray
-    row: IntArray
-    column: IntArray
 
 
 class Matrix(NamedTuple):
@@ -146,7 +139,7 @@ def factor(shape: Shape, matrix: Matrix, rank: float, floor: float) -> bool:
     Args:
         rank: least pivot of S, relative; floor: what the pivots of B are known to reach.
     """
-    contact, block = shape.contact, shape.block
+    contact, block, _ = shape
     lower, across, y, s = matrix
     q = s.shape[0]
     for i in range(q):
@@ -183,7 +176,7 @@ def solve(shape: Shape, matrix: Matrix, r1: Array, r2: Array, x: Array, nu: Arra
     Args:
         r1: (M,), r2: (6,) right-hand sides.
     """
-    contact, block = shape.contact, shape.block
+    contact, block, _ = shape
     lower, _, y, s = matrix
     q = len(nu)
     for k in range(q):
@@ -213,7 +206,7 @@ def solve(shape: Shape, matrix: Matrix, r1: Array, r2: Array, x: Array, nu: Arra
 @kernel
 def add_joints(shape: Shape, jacobian: HandJacobian, curvature: Array, matrix: Matrix) -> None:
     """Add Σ_j curvature_j J_j J_jᵀ: own joints to their blocks, shared ones as columns of Kᵀ."""
-    contact, block, joint = shape.contact, shape.block, shape.joint
+    contact, block, joint = shape
     own, shared = jacobian
     hessian, across, _, _ = matrix
     value = 0
@@ -234,24 +227,41 @@ def add_joints(shape: Shape, jacobian: HandJacobian, curvature: Array, matrix: M
 @kernel
 def transposed(shape: Shape, jacobian: HandJacobian, x: Array, out: Array) -> None:
     """Fill out (l',) with Jᵀ x, for x (M,) inside."""
+    contact, block, joint = shape
     own, shared = jacobian
-    first = shape.joint[-1]
-    for j in range(first):
-        out[j] = 0.0
-    for k in range(len(own)):
-        out[shape.column[k]] += own[k] * x[shape.row[k]]
+    value = 0
+    for b in range(len(block) - 1):
+        first = contact[block[b]]
+        size = contact[block[b + 1]] - first
+        for j in range(joint[b], joint[b + 1]):
+            total = 0.0
+            for i in range(size):
+                total += own[value + i] * x[first + i]
+            value += size
+            out[j] = total
     for a in range(shared.shape[0]):
-        out[first + a] = dot(x, shared[a])
+        total = 0.0
+        for i in range(shared.shape[1]):
+            total += shared[a, i] * x[i]
+        out[joint[-1] + a] = total
 
 
 @kernel
 def add_product(shape: Shape, jacobian: HandJacobian, t: Array, out: Array) -> None:
     """Add J t to out (M,), for t (l',) inside."""
+    contact, block, joint = shape
     own, shared = jacobian
-    for k in range(len(own)):
-        out[shape.row[k]] += own[k] * t[shape.column[k]]
+    value = 0
+    for b in range(len(block) - 1):
+        first = contact[block[b]]
+        size = contact[block[b + 1]] - first
+        for j in range(joint[b], joint[b + 1]):
+            for i in range(size):
+                out[first + i] += own[value + i] * t[j]
+            value += size
     for a in range(shared.shape[0]):
-        add(t[shape.joint[-1] + a], shared[a], out)
+        for i in range(shared.shape[1]):
+            out[i] += shared[a, i] * t[joint[-1] + a]
 
 
 @kernel

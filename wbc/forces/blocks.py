@@ -84,17 +84,6 @@ def find_blocks(problem: GraspForceProblem, moves: BoolArray | None = None) -> B
     )
 
 
-def places(blocks: Blocks) -> tuple[IntArray, IntArray]:
-    """Component and joint, inside, of each own entry, in the order of `HandJacobian.own`."""
-    rows, columns = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
-    for b in range(len(blocks.block) - 1):
-        inside = np.arange(blocks.contact[blocks.block[b]], blocks.contact[blocks.block[b + 1]])
-        for j in range(blocks.joint[b], blocks.joint[b + 1]):
-            rows.append(inside)
-            columns.append(np.full(len(inside), j))
-    return np.concatenate(rows), np.concatenate(columns)
-
-
 def pattern(problem: GraspForceProblem, blocks: Blocks) -> tuple[IntArray, IntArray]:
     """Where the Jacobian's entries are taken from: indices into J's M·l entries in C order.
 
@@ -102,10 +91,16 @@ def pattern(problem: GraspForceProblem, blocks: Blocks) -> tuple[IntArray, IntAr
         Those of the blocks' own joints, joint by joint over its block's components; and (n_a, M)
         those of the shared joints.
     """
-    l_joints, (rows, columns) = problem.joints, places(blocks)
+    l_joints = problem.joints
+    own = []
+    for b in range(len(blocks.block) - 1):
+        first, last = (blocks.contact[blocks.block[b + k]] for k in range(2))
+        for j in blocks.joints[blocks.joint[b] : blocks.joint[b + 1]]:
+            own.append(blocks.rows[first:last] * l_joints + j)
     shared = blocks.joints[blocks.joint[-1] :]
+    none = np.zeros(0, dtype=np.int64)
     return (
-        blocks.rows[rows] * l_joints + blocks.joints[columns],
+        np.concatenate(own) if own else none,
         blocks.rows[None, :] * l_joints + shared[:, None],
     )
 

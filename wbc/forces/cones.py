@@ -127,23 +127,21 @@ def complement(
     contact: IntArray, w: Array, eta: Array, lam: Array, ds: Array, dz: Array, centre: float,
     weight: float, out: Array,
 ) -> None:  # fmt: skip
-    """out with λ ∘ out = centre e − λ∘λ − weight (W⁻¹ds)∘(W dz).
+    """out with λ ∘ out = centre e − λ∘λ − weight (W⁻¹ds)∘(W dz); ds and dz become these factors.
 
     a ∘ b = (aᵀb, a₀ b₁ + b₀ a₁).
     """
-    m = len(lam)
-    c1, c2 = np.empty(m), np.empty(m)
-    times(contact, w, eta, ds, True, c1)
-    times(contact, w, eta, dz, False, c2)
+    times(contact, w, eta, ds, True, ds)
+    times(contact, w, eta, dz, False, dz)
     for i in range(len(eta)):
         first, last = contact[i], contact[i + 1]
         head = first + 2
         top, square, along = centre, 0.0, 0.0
         for k in range(first, last):
-            top -= lam[k] * lam[k] + weight * c1[k] * c2[k]
+            top -= lam[k] * lam[k] + weight * ds[k] * dz[k]
             if k != head:
                 square += lam[k] * lam[k]
-                mixed = c1[head] * c2[k] + c2[head] * c1[k]
+                mixed = ds[head] * dz[k] + dz[head] * ds[k]
                 out[k] = -2.0 * lam[head] * lam[k] - weight * mixed
                 along += lam[k] * out[k]
         s = np.sqrt(square)

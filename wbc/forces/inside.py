@@ -15,7 +15,7 @@ import numpy as np
 from wbc.arrays import Array, IntArray
 from wbc.compiled import kernel
 from wbc.forces.arrow import Shape, largest, largest_term, unbalanced
-from wbc.forces.blocks import Blocks, HandJacobian, pattern, places
+from wbc.forces.blocks import Blocks, HandJacobian, pattern
 from wbc.forces.cones import cone_margins
 from wbc.forces.cost import moment_arm
 from wbc.forces.newton import Barrier, Constraints
@@ -33,8 +33,8 @@ class Inside(NamedTuple):
     """What of a problem stays: sizes and order, limits, friction and weights, packed.
 
     Attributes:
-        layout: sizes, then contact, block, joint, rows, order, joints, row and column of the own
-            entries, own_at, shared_at, and which of the problem's joints have limits.
+        layout: sizes, then contact, block, joint, rows, order, joints, own_at, shared_at, and which
+            of the problem's joints have limits.
         fixed: 2 w_p, the force c_z = √(w_bF μ / w_p) at rest, then scale (M,) inside, limits
             (2, l'), barrier weights of the limits (2, l'), 2 w_bF μ (n,), factors of G's rows (6,).
     """
@@ -53,7 +53,7 @@ def pack(problem: GraspForceProblem, blocks: Blocks) -> Inside:
     layout = np.concatenate(
         [
             np.array(sizes), blocks.contact, blocks.block, blocks.joint, blocks.rows,
-            blocks.order, blocks.joints, *places(blocks), own_at, shared_at.ravel(),
+            blocks.order, blocks.joints, own_at, shared_at.ravel(),
             np.isin(np.arange(problem.joints), blocks.joints),
         ]
     )  # fmt: skip
@@ -81,15 +81,9 @@ def orders_of(layout: IntArray) -> tuple[IntArray, IntArray, IntArray]:
 
 
 @kernel
-def _places_at(layout: IntArray) -> int:
-    """Where row and column of the own entries begin."""
-    return int(_HEAD + 2 * layout[_N] + 2 * layout[_B] + 3 + layout[_ROWS] + layout[_L])
-
-
-@kernel
 def entries_of(layout: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     """own_at and shared_at of a layout, as `pattern` gives them, and which joints have limits."""
-    a = _places_at(layout) + 2 * layout[_OWN]
+    a = _HEAD + 2 * layout[_N] + 2 * layout[_B] + 3 + layout[_ROWS] + layout[_L]
     b = a + layout[_OWN]
     c = b + layout[_SHARED] * layout[_ROWS]
     return layout[a:b], layout[b:c], layout[c:]
@@ -104,12 +98,7 @@ def unpacked(
     a = _HEAD
     b = a + n + 1
     c = b + blocks + 1
-    d = _places_at(layout)
-    e = d + layout[_OWN]
-    shape = Shape(
-        layout[a:b], layout[b:c], layout[c : c + blocks + 1], layout[d:e],
-        layout[e : e + layout[_OWN]],
-    )  # fmt: skip
+    shape = Shape(layout[a:b], layout[b:c], layout[c : c + blocks + 1])
     a = _FIXED + m
     b = a + 2 * joints
     c = b + 2 * joints
@@ -149,6 +138,7 @@ def take(
     rows, _, joints = orders_of(layout)
     scale, factors = fixed[_FIXED:], fixed[-6:]
     own, shared = given.jacobian
+    contact, block, joint = given.shape
     total = 0.0
     for k in range(6):
         given.h[k] = factors[k] * h_e[k]
@@ -160,9 +150,15 @@ def take(
     for j in range(len(joints)):
         given.tau_e[j] = tau_e[joints[j]]
         total += given.tau_e[j]
-    for k in range(len(own)):
-        own[k] *= scale[given.shape.row[k]]
-        total += own[k]
+    value = 0
+    for b in range(len(block) - 1):
+        first = contact[block[b]]
+        size = contact[block[b + 1]] - first
+        for _ in range(joint[b], joint[b + 1]):
+            for i in range(size):
+                own[value + i] *= scale[first + i]
+                total += own[value + i]
+            value += size
     for a in range(shared.shape[0]):
         for i in range(shared.shape[1]):
             shared[a, i] *= scale[i]

@@ -183,7 +183,7 @@ def first_multipliers(contact: IntArray, ask: Question, at: Point) -> None:
 @kernel
 def _times_joints(shape: Shape, w: Array, eta: Array, own: Array, out: Array) -> None:
     """out = W J for the blocks' own joints."""
-    contact, block, joint = shape.contact, shape.block, shape.joint
+    contact, block, joint = shape
     value = 0
     for b in range(len(block) - 1):
         low, high = contact[block[b]], contact[block[b + 1]]
@@ -217,7 +217,7 @@ def _scale_rows(given: Constraints, by: Scaling) -> None:
 
 @kernel
 def _identity(shape: Shape, hessian: Array) -> None:
-    contact, block = shape.contact, shape.block
+    contact, block, _ = shape
     for b in range(len(block) - 1):
         first, last = contact[block[b]], contact[block[b + 1]]
         for i in range(first, last):

@@ -88,7 +88,7 @@ def contact_terms(
     Returns:
         The value; inf on or outside a cone's boundary.
     """
-    contact, block = shape.contact, shape.block
+    contact, block, _ = shape
     press, friction, _ = barrier
     value = 0.0
     for b in range(len(block) - 1):
