@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import signal
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -11,7 +13,7 @@ import pytest
 
 from wbc.recording import Log
 
-from .shell import children, finish, gone, start, wait_for_tick
+from .shell import children, environment, finish, gone, start, wait_for_tick
 
 RUN = ("run", "planar_exchange", "--realtime", "--out", "out")
 
@@ -63,6 +65,32 @@ def test_ctrl_c_while_the_kernels_are_compiled(tmp_path):
     _, errors = finish(process)
     assert process.returncode == 143
     assert "Traceback" not in errors
+
+
+SWALLOWS = """
+import signal
+from wbc.cli.interrupt import Interrupts
+compiler = {"__name__": "llvmlite.binding", "signal": signal}
+exec(
+    "def compile():\\n"
+    "    try: signal.raise_signal(signal.SIGTERM)\\n"
+    "    except BaseException: print('lost')",
+    compiler,
+)
+with Interrupts(owns_process=OWNER):
+    compiler["compile"]()
+"""
+
+
+@pytest.mark.parametrize("owner", [True, False])
+def test_a_compiler_that_would_lose_the_exception_is_not_given_one(tmp_path, owner):
+    source = SWALLOWS.replace("OWNER", str(owner))
+    process = subprocess.run(
+        [sys.executable, "-c", source], cwd=tmp_path, env=environment(), capture_output=True,
+        text=True, timeout=60,
+    )  # fmt: skip
+    ended = (process.returncode, process.stdout, process.stderr)
+    assert ended == ((143, "", "interrupted\n") if owner else (0, "lost\n", ""))
 
 
 def test_an_impatient_user_still_gets_the_log(tmp_path):

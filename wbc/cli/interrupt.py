@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 import threading
 from types import FrameType
 from typing import Any, final
 
 _WATCHED = (signal.SIGINT, signal.SIGTERM)
+_COMPILERS = ("numba", "llvmlite")
 
 
 @final
@@ -17,6 +20,10 @@ class Interrupts:
     A signal raises KeyboardInterrupt with its number; while a run is ticking only a second one
     does, and while its files are written none does. Some libraries lose the exception when it
     meets them as they are imported, hence `check`.
+
+    An exception thrown into the compiler of the kernels may be lost, be taken for a fault or bring
+    the process down later: a process told to end meanwhile ends on the spot. It has no results yet,
+    kernels that are done are kept, and the viewer goes when the process is gone.
 
     A command that owns its process and was told to end ignores what comes after: Python, on its
     way out, would otherwise be killed by it and the exit code lost.
@@ -58,4 +65,16 @@ class Interrupts:
         again = self.received != 0
         self.received = self.received or number
         if not self.saving and (again or not self.ticking):
+            if self.owns_process and _compiling(frame):
+                print("interrupted", file=sys.stderr, flush=True)
+                sys.stdout.flush()
+                os._exit(self.exit_code)
             raise KeyboardInterrupt(self.received)
+
+
+def _compiling(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if str(frame.f_globals.get("__name__")).partition(".")[0] in _COMPILERS:
+            return True
+        frame = frame.f_back
+    return False
