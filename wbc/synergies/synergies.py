@@ -106,7 +106,7 @@ class Synergies:
             raise WbcError(f"{len(names)} joints are named, but a posture has {n} values")
         mean = values.mean(axis=0)
         _, lengths, directions = np.linalg.svd(values - mean, full_matrices=False)
-        variances: Array = lengths**2 / m
+        variances = np.asarray(lengths**2 / m, dtype=np.float64)
         rank = int(np.sum(lengths > max(m, n) * np.finfo(float).eps * lengths.max(initial=0.0)))
         if not 1 <= count <= rank:
             raise WbcError(
@@ -139,8 +139,7 @@ class Synergies:
     @property
     def inverse(self) -> Array:
         """(k, n) Ê†, the pseudo-inverse of (56)."""
-        inverse: Array = np.linalg.pinv(self.basis)
-        return inverse
+        return np.asarray(np.linalg.pinv(self.basis), dtype=np.float64)
 
     def project(self, postures: Array) -> Array:
         """Weights of postures (56): (n,) → (k,), or (m, n) → (m, k), [rad].
@@ -174,7 +173,7 @@ class Synergies:
         return beyond
 
     def ranges(self) -> Array:
-        """(k, 2) least and largest weight of each synergy alone that keeps every joint in its range.
+        """(k, 2) least and largest weight of each synergy alone, every joint kept in its range.
 
         [rad]; infinite where no joint's range bounds it; NaN where c̄ itself is out of range.
         """
