@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import final
+from pathlib import Path
+from typing import Final, final
 
 import numpy as np
 
 from wbc.arrays import Array, read_only
 from wbc.errors import WbcError
+from wbc.synergies.storage import read_fields, write_fields
 from wbc.synergies.tables import tables
+
+_LARGEST: Final = 1e6
+"""No posture has a larger entry, [rad]; squares of such entries are far from overflow."""
 
 
 @final
@@ -36,7 +42,9 @@ class Synergies:
     upper: Array
 
     def __post_init__(self) -> None:
-        n, k = len(self.joints), np.shape(self.basis)[-1]
+        if np.ndim(self.basis) != 2:
+            raise WbcError(f"synergies: 'basis' must be (n, k), got shape {np.shape(self.basis)}")
+        n, k = len(self.joints), np.shape(self.basis)[1]
         shapes = {
             "mean": (n,), "basis": (n, k), "variances": (k,), "lower": (n,), "upper": (n,),
         }  # fmt: skip
@@ -51,10 +59,17 @@ class Synergies:
             object.__setattr__(self, name, values)
         if len(set(self.joints)) != n:
             raise WbcError("synergies: two joints have the same name")
-        if not 1 <= k <= n or np.linalg.matrix_rank(self.basis) < k:
+        if not 1 <= k <= n:
+            raise WbcError(f"{k} synergies of {n} joints: between 1 and the number of joints")
+        lengths = np.linalg.svd(self.basis, compute_uv=False)
+        if lengths.min() <= 1e-9 * max(1.0, lengths.max()):
             raise WbcError(f"synergies: {k} directions of {n} joints are not independent")
         if not (self.lower <= self.upper).all():
             raise WbcError("synergies: a joint's lower limit is above its upper one")
+        if (self.variances < 0.0).any():
+            raise WbcError("synergies: a variance is negative")
+        if not self.variances.sum() <= self.total_variance * (1.0 + 1e-9) < np.inf:
+            raise WbcError("synergies: the total variance is below that of the synergies")
 
     @classmethod
     def from_table(cls) -> Synergies:
@@ -86,7 +101,8 @@ class Synergies:
     ) -> Synergies:
         """The principal components of a set of postures (52), by singular values of the offsets.
 
-        A column's sign is such that its entry of largest size is positive.
+        A column's sign is such that the sum of its cubes is positive: the large entries decide,
+        and not one of them alone, so that it is the same for postures a little different.
 
         Args:
             postures: (m, n) [rad], m >= 2.
@@ -98,8 +114,10 @@ class Synergies:
             WbcError: not a table of finite numbers, too few postures, none differs in k directions.
         """
         values = np.asarray(postures, dtype=np.float64)
-        if values.ndim != 2 or not values.size or not np.isfinite(values).all():
-            raise WbcError(f"postures must be a table of finite numbers, got shape {values.shape}")
+        if values.ndim != 2 or not values.size:
+            raise WbcError(f"postures must be a table (m, n) of numbers, got shape {values.shape}")
+        if not (np.abs(values) <= _LARGEST).all():
+            raise WbcError(f"posture {_first_bad(values)} holds what is no angle in rad")
         m, n = values.shape
         names = tuple(f"joint_{j + 1}" for j in range(n)) if joints is None else tuple(joints)
         if len(names) != n:
@@ -107,23 +125,45 @@ class Synergies:
         mean = values.mean(axis=0)
         _, lengths, directions = np.linalg.svd(values - mean, full_matrices=False)
         variances = np.asarray(lengths**2 / m, dtype=np.float64)
-        rank = int(np.sum(lengths > max(m, n) * np.finfo(float).eps * lengths.max(initial=0.0)))
+        # The mean is rounded at the size of the postures, not of their offsets.
+        noise = max(m, n) * np.finfo(float).eps * np.linalg.norm(values)
+        rank = int(np.sum(lengths > noise))
         if not 1 <= count <= rank:
             raise WbcError(
                 f"{m} postures differ in {rank} directions: {count} synergies cannot be found"
             )
         basis = directions[:count].T
-        sign = np.sign(basis[np.abs(basis).argmax(axis=0), np.arange(count)])
         unknown = np.full(n, np.inf)
         return cls(
             joints=names,
             mean=mean,
-            basis=basis * sign,
+            basis=basis * _signs(basis),
             variances=variances[:count],
             total_variance=float(variances.sum()),
             lower=-unknown if lower is None else lower,
             upper=unknown if upper is None else upper,
         )
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write a JSON file from which `load` gives the same numbers to the last bit.
+
+        Raises:
+            WbcError: the file cannot be written.
+        """
+        return write_fields(path, vars(self))
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Synergies:
+        """Read a file that `save` or a person wrote; its key ``unit`` may be ``"deg"``.
+
+        Raises:
+            WbcError: one line: the file, the key, what is wrong and what to write.
+        """
+        fields = read_fields(path)
+        try:
+            return cls(**fields)
+        except WbcError as error:
+            raise WbcError(f"{os.fspath(path)}: {error}") from None
 
     @property
     def count(self) -> int:
@@ -192,9 +232,20 @@ class Synergies:
         if array.ndim not in (1, 2) or array.shape[-1] != size:
             raise WbcError(f"one number for each {what} is needed, {size}; got shape {array.shape}")
         if not np.isfinite(array).all():
-            raise WbcError(f"the number of {what} {_first_bad(array)} is not finite")
+            place = int(np.argwhere(~np.isfinite(array))[0][-1]) + 1
+            raise WbcError(f"the number of {what} {place} is not finite")
         return array
 
 
 def _first_bad(values: Array) -> int:
-    return int(np.argwhere(~np.isfinite(values))[0][-1]) + 1
+    """The first row with an entry that is no angle, counted from 1."""
+    return int(np.argwhere(~(np.abs(values) <= _LARGEST))[0][0]) + 1
+
+
+def _signs(basis: Array) -> Array:
+    """(k,) ±1 for the columns; where the cubes cancel, the first large entry decides."""
+    cubes = (basis**3).sum(axis=0)
+    large = np.abs(basis) > 0.5 * np.abs(basis).max(axis=0)
+    first = basis[large.argmax(axis=0), np.arange(basis.shape[1])]
+    signs: Array = np.where(np.where(np.abs(cubes) > 1e-6, cubes, first) < 0.0, -1.0, 1.0)
+    return signs
