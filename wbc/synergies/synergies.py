@@ -113,7 +113,7 @@ class Synergies:
         Raises:
             WbcError: not a table of finite numbers, too few postures, none differs in k directions.
         """
-        values = np.asarray(postures, dtype=np.float64)
+        values = np.array(postures, dtype=np.float64, order="C")  # the order of sums is fixed
         if values.ndim != 2 or not values.size:
             raise WbcError(f"postures must be a table (m, n) of numbers, got shape {values.shape}")
         if not (np.abs(values) <= _LARGEST).all():
