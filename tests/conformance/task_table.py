@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 
@@ -25,11 +26,13 @@ from wbc.tasks import (
     PalmDistance,
     Posture,
     RelativePose,
+    Synergy,
     Task,
     TipPosition,
     pose_target,
 )
 from wbc.tasks.manipulability import manipulability_gradient
+from wbc.tasks.synergy import SynergyMeasure
 
 Draw = np.random.Generator
 HALF_TURN = np.pi - 1e-3
@@ -217,6 +220,24 @@ def posture(world: World, draw: Draw, spot: str) -> Example:
     return Example(world, task, task.target)
 
 
+def synergy(measure: SynergyMeasure) -> Callable[[World, Draw, str], Example]:
+    """Two synergies of four joints, of which the posture clips some."""
+
+    def make(world: World, draw: Draw, spot: str) -> Example:
+        joints = np.sort(draw.choice(world.nv, 4, replace=False))
+        basis, goal = draw.normal(size=(4, 2)), draw.normal(size=4)
+        posture = world.q[joints] if spot == "goal" else world.q[joints] + draw.normal(size=4)
+        mean = posture - basis @ goal[:2]
+        room = np.array([1.0, 1.0, 0.4, -0.4]) if spot == "far" else np.ones(4)
+        task = Synergy(
+            **settings("synergy"), joints=joints, mean=mean, basis=basis, lower=posture - 2.0,
+            upper=posture + room, goal=goal, measure=measure,
+        )  # fmt: skip
+        return Example(world, task, task.target)
+
+    return make
+
+
 # --- tasks on the object --------------------------------------------------------------------------
 
 
@@ -339,6 +360,12 @@ TASKS: dict[type[Task], tuple[TaskCase, ...]] = {
     ),
     Posture: (
         TaskCase(posture, lengths=lambda task: (0,) * task.rows, advance=advance_half),
+    ),
+    Synergy: tuple(
+        TaskCase(
+            synergy(measure), lengths=lambda task: (0,) * task.rows, advance=advance_half
+        )
+        for measure in get_args(SynergyMeasure)
     ),
     CenterOfMass: (
         TaskCase(

@@ -323,7 +323,7 @@ def test_targets_without_feed_forward_are_taken_too() -> None:
     for kind, cases in TASKS.items():
         example = example_of(cases[0], "hand", "spheroid", "random", cases[0].spots[-1], "free")
         short = {"FramePose": 12, "RelativePose": 12, "FrameOrientation": 9, "FramePosition": 3,
-                 "CenterOfMass": 3, "Posture": 4}.get(kind.__name__)  # fmt: skip
+                 "CenterOfMass": 3, "Posture": 4, "Synergy": 2}.get(kind.__name__)  # fmt: skip
         if short is None or example.target is None:
             continue
         a, b = evaluate(example), evaluate(example, target=example.target[:short].copy())

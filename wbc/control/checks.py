@@ -69,3 +69,10 @@ def controller(
             raise SetupError(f"phase '{phase.name}': wanted must have shape ({len(tasks)},)")
         if any(not 0 <= k < len(tasks) for k, _ in phase.until.residuals):
             raise SetupError(f"phase '{phase.name}': a residual's task index is out of range")
+        for k, goal, _ in phase.task_motions:
+            sizes = tasks[k].target_sizes if 0 <= k < len(tasks) else ()
+            if np.ndim(goal) != 1 or not {len(goal), 2 * len(goal)} <= set(sizes):
+                raise SetupError(
+                    f"phase '{phase.name}': no task {k} has a target of {np.size(goal)} numbers "
+                    "that can be led"
+                )

@@ -20,7 +20,7 @@ from wbc.control.law import CostForecast, Law, Locks, Motion, Sight, moved
 from wbc.control.limiting import Guarded, finite, guarded, solved, within_limits
 from wbc.control.observe import Seen, observe
 from wbc.control.phases import PhaseSequence
-from wbc.control.references import References
+from wbc.control.references import References, led
 from wbc.control.state import ControllerState, Measurement, PhaseState, Status, TickRecord
 from wbc.control.supervision import TickForecast
 from wbc.errors import SetupError, UnknownNameError
@@ -141,6 +141,9 @@ class Controller:
         pivot = np.array([law.kin.touch(i) for i in range(n)]).reshape(n, 3, 3)
         law.kin.update(q, contact._replace(pivot=pivot), reference)
         motion = self.phases.begin(0, 0.0, law.kin, None)
+        phase = PhaseState(0, 0.0, motion, False, False, ())
+        targets = tuple(task.target for task in law.stack.tasks)
+        phase, targets = self.phases.lead(phase, targets, None)
         order = self._tips + self._priority
         rates = np.zeros(len(q) + 5 * n)
         rates[: len(q)] = 0.0 if v0 is None else checks.vector("v0", v0, nv)
@@ -155,8 +158,8 @@ class Controller:
             order=order,
             next_order=None,
             level_order=law.stack.level_order(order),
-            phase=PhaseState(0, 0.0, motion, False, False, ()),
-            targets=tuple(task.target for task in law.stack.tasks),
+            phase=phase,
+            targets=targets,
         )
 
     def _start_gains(self, wanted: BoolArray) -> gains.Activation:
@@ -224,7 +227,8 @@ class Controller:
             if change.phase is not state.phase:
                 state = state._replace(phase=change.phase)
             return state, seen
-        state = self._handed_over(state._replace(phase=change.phase), change.contact)
+        phase, targets = self.phases.lead(change.phase, state.targets, state.phase.motion)
+        state = self._handed_over(state._replace(phase=phase, targets=targets), change.contact)
         self._evaluate(t, state.q, state.contact, state, self._active(state))
         return state, observe(self.law)
 
@@ -233,7 +237,8 @@ class Controller:
         active: Sequence[bool],
     ) -> None:  # fmt: skip
         reference = self._references.at(t, state.phase.motion)
-        targets = state.targets[: len(self._priority)] + self._tip_targets
+        targets = led(t, state.phase.motion, state.targets)
+        targets = targets[: len(self._priority)] + self._tip_targets
         self.law.evaluate(q, contact, reference, targets, active)
 
     def _active(self, state: ControllerState) -> list[bool]:

@@ -11,7 +11,7 @@ from wbc.arrays import Array, BoolArray, IntArray
 from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.contact.grasp import ContactMode, ContactState, Grasp, equilibrium_residuals
 from wbc.control.observe import Seen
-from wbc.control.references import Motion
+from wbc.control.references import Aim, Motion, Targets, standing
 from wbc.control.state import PhaseState
 from wbc.rotations import log_so3
 
@@ -52,6 +52,20 @@ class ObjectMotion(NamedTuple):
     relative: bool
 
 
+class TaskMotion(NamedTuple):
+    """A motion of a task's target.
+
+    Attributes:
+        task: index.
+        goal: (k,) where it goes, in the task's units; the target may have a rate beside it.
+        linear: at constant speed; else minimum-jerk.
+    """
+
+    task: int
+    goal: Array
+    linear: bool
+
+
 @dataclass(frozen=True)
 class Phase:
     """One phase.
@@ -64,6 +78,7 @@ class Phase:
         wanted: (M,) tasks asked for, tips included.
         pad: (N,) l − Δl at the end of the phase, [m].
         object_motion: where the object goes; None: it stays.
+        task_motions: targets of tasks that are led somewhere; the others stay.
         over: duration of the phase's motions, [s].
         until: exit condition.
         timeout: time after which the phase has failed, [s].
@@ -77,6 +92,7 @@ class Phase:
     wanted: BoolArray
     pad: Array
     object_motion: ObjectMotion | None = None
+    task_motions: tuple[TaskMotion, ...] = ()
     over: float = 0.5
     until: ExitCondition = field(default_factory=ExitCondition)
     timeout: float = np.inf
@@ -159,6 +175,24 @@ class PhaseSequence:
             else:
                 tips[1, i] = tips[0, i]
         return Motion(t, max(phase.over, 1e-9), position, rotation, turn, reach, tips)
+
+    def lead(
+        self, state: PhaseState, targets: Targets, last: Motion | None
+    ) -> tuple[PhaseState, Targets]:
+        """The phase that begins with the aims of its motion, and the targets with their goals.
+
+        Args:
+            targets: when it begins; `last`, the motion of the phase before, leads some of them.
+        """
+        start = state.motion.start
+        before = targets if last is None else standing(start, last, targets)
+        goals, aims = list(before), []
+        for task, goal, linear in self.phases[state.current].task_motions:
+            here, k = before[task], len(goal)
+            assert here is not None  # `checks.controller` saw to it
+            goals[task] = np.concatenate([goal, here[k:]])
+            aims.append(Aim(task, goal - here[:k], linear))
+        return state._replace(motion=state.motion._replace(aims=tuple(aims))), tuple(goals)
 
     def advance(
         self, state: PhaseState, t: float, kin: ExtendedKinematics, seen: Seen

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, final
+from typing import Final, NamedTuple, TypeAlias, final
 
 import numpy as np
 
@@ -11,9 +11,25 @@ from wbc.compiled import kernel
 from wbc.contact.grasp import ObjectReference
 from wbc.rotations import exp_so3
 
+_ROUNDING: Final = 1e-9  # share of a motion by which the tick at its end may fall short of it
+
+
+class Aim(NamedTuple):
+    """How a task's target is led to a goal in a phase; the goal itself is in the state's targets.
+
+    Attributes:
+        task: index.
+        way: (k,) from where its reference was to the goal, in the task's units.
+        linear: at constant speed, as the published reach to grasp; else minimum-jerk.
+    """
+
+    task: int
+    way: Array
+    linear: bool
+
 
 class Motion(NamedTuple):
-    """One phase's motions: all start and end at rest and last `duration`.
+    """One phase's motions: all last `duration`, and but for linear aims start and end at rest.
 
     Attributes:
         start: time at which they start, [s].
@@ -23,6 +39,7 @@ class Motion(NamedTuple):
         turn: (3,) rotation vector from there to the end, world axes, [rad].
         reach: (2, N) l − Δl of the pads from, to, [m].
         tips: (2, N, 3) points for the free tips from, to, in the object frame, [m].
+        aims: of the tasks that the phase leads.
     """
 
     start: float
@@ -32,6 +49,7 @@ class Motion(NamedTuple):
     turn: Array
     reach: Array
     tips: Array
+    aims: tuple[Aim, ...] = ()
 
 
 @kernel
@@ -80,6 +98,53 @@ def _acceleration(t: float, start: float, duration: float, way: Array, turn: Arr
     return out
 
 
+Targets: TypeAlias = tuple[Array | None, ...]
+
+
+def led(t: float, motion: Motion, targets: Targets) -> Targets:
+    """The targets at time t: those that the motion leads on their way with their rates (2k,).
+
+    Args:
+        targets: of the state; of a task that is led, its goal, (k,), or (2k,) with a rate.
+    """
+    if not motion.aims or _ended(t, motion):
+        return targets
+    out = list(targets)
+    tau = max((t - motion.start) / motion.duration, 0.0)
+    for task, way, linear in motion.aims:
+        s, ds = (tau, 1.0) if linear else minimum_jerk(tau)
+        there = _behind(targets, task, (s - 1.0) * way, 2 * len(way))
+        there[len(way) :] += (ds / motion.duration) * way
+        out[task] = there
+    return tuple(out)
+
+
+def standing(t: float, motion: Motion, targets: Targets) -> Targets:
+    """The targets where `led` has brought them to at time t, in the size they have, at rest."""
+    if not motion.aims or _ended(t, motion):
+        return targets
+    out = list(targets)
+    tau = max((t - motion.start) / motion.duration, 0.0)
+    for task, way, linear in motion.aims:
+        s = tau if linear else minimum_jerk(tau)[0]
+        out[task] = _behind(targets, task, (s - 1.0) * way)
+    return tuple(out)
+
+
+def _ended(t: float, motion: Motion) -> bool:
+    return t >= motion.start + (1.0 - _ROUNDING) * motion.duration
+
+
+def _behind(targets: Targets, task: int, offset: Array, size: int = 0) -> Array:
+    """A task's goal moved by an offset (k,), filled up with zeros to `size`."""
+    goal = targets[task]
+    assert goal is not None  # who made the aim saw to it
+    out: Array = np.zeros(max(size, len(goal)))
+    out[: len(goal)] = goal
+    out[: len(offset)] += offset
+    return out
+
+
 def object_acceleration(t: float, motion: Motion) -> Array:
     """(6,) rate of the object's reference twist at time t, world axes [m/s², rad/s²].
 
@@ -105,6 +170,6 @@ class References:
         """The object's reference at time t; the tips' targets (N, 6) are in `tips`."""
         over = t >= motion.start + motion.duration
         if not (over and motion is self._at_rest):
-            _evaluate(t, *motion, *self.object, self.tips)
+            _evaluate(t, *motion[:7], *self.object, self.tips)
             self._at_rest = motion if over else None
         return self.object

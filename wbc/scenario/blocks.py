@@ -7,7 +7,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Final, Literal, TypeAlias, final
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, WithJsonSchema
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    WithJsonSchema,
+)
 from pydantic_core import core_schema
 
 from wbc.scenario.units import Angle, AngleOrLength, JointValue, Length, Number, refusal
@@ -128,6 +136,11 @@ PerJoint: TypeAlias = Annotated[
     Mapping[str, JointValue], Prepared(_per_joint, AngleOrLength.json_schema)
 ]
 """One value, kept under ``"*"``, or a value by joint."""
+Weights: TypeAlias = Annotated[
+    Annotated[tuple[Angle, ...], Tag("list")] | Annotated[Text, Tag("name")],
+    Discriminator(lambda raw: "name" if isinstance(raw, str) else "list"),
+]
+"""Weights of a hand's synergies, or a name for some."""
 
 
 class Turned(Block):

@@ -32,7 +32,9 @@ from wbc.scenario.names import check_names
 from wbc.scenario.places import robot_file
 from wbc.scenario.robots import read_robot
 from wbc.scenario.schema import Scenario
+from wbc.scenario.synergies import Hands, check_hands, read_hands
 from wbc.scenario.touches import check_touches
+from wbc.scenario.wording import Faults
 from wbc.stack.supervisor import Supervisor
 
 _NO_GAIN = 1.0  # of the main task where there is no object: it has no rows
@@ -81,10 +83,13 @@ def build(loaded: Loaded) -> Assembly:
         name for name, k in zip(joints, model.own, strict=True) if model.is_prismatic(int(k))
     ]
     faults = check_names(scenario, joints, model.frame_names, links, prismatic, model.followers)
-    if faults := [*faults, *check_touches(scenario)]:
+    synergies = Faults()
+    hands = read_hands(scenario, loaded.path.parent, synergies)
+    check_hands(scenario, hands, model, synergies)
+    if faults := [*faults, *check_touches(scenario), *synergies.found]:
         raise loaded.error(faults)
     try:
-        return _assemble(loaded, model)
+        return _assemble(loaded, model, hands)
     except ScenarioError:
         raise
     except WbcError as error:
@@ -95,7 +100,7 @@ def build(loaded: Loaded) -> Assembly:
         ) from error
 
 
-def _assemble(loaded: Loaded, model: RobotModel) -> Assembly:
+def _assemble(loaded: Loaded, model: RobotModel, hands: Hands) -> Assembly:
     scenario = loaded.scenario
     grasp = build_grasp(scenario, model)
     _check_faces(loaded, grasp)
@@ -108,7 +113,7 @@ def _assemble(loaded: Loaded, model: RobotModel) -> Assembly:
         scenario.tasks[main].gain if main else _NO_GAIN,
     )
     q_start = _start(loaded, model)
-    tasks = build_tasks(scenario, secondary, kin, q_start)
+    tasks = build_tasks(scenario, secondary, kin, q_start, hands)
     metric = np.array([scenario.robot.metric.get(j, 1.0) for j in model.joint_names])
     stack = TaskStack(tasks, grasp.count, metric)
     scene, report = watched_pairs(loaded, model, grasp)
@@ -123,7 +128,7 @@ def _assemble(loaded: Loaded, model: RobotModel) -> Assembly:
         tuple(costs), Kinematics(model, ()), Distances(scene, near) if scene is not None else None
     )
     settings = scenario.supervisor
-    phases = build_phases(scenario, grasp, [task.name for task in tasks])
+    phases = build_phases(scenario, grasp, [task.name for task in tasks], hands)
     controller = Controller(
         law,
         forecast,

@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from wbc.arrays import Array
+from wbc.arrays import Array, read_only
 from wbc.contact.grasp import ContactMode, Grasp
 from wbc.control.force_planner import passages
-from wbc.control.phases import ExitCondition, ObjectMotion, Phase, PhaseSequence
+from wbc.control.phases import ExitCondition, ObjectMotion, Phase, PhaseSequence, TaskMotion
 from wbc.rotations import rotation_from_quaternion
 from wbc.scenario import schema
 from wbc.scenario.schema import Scenario
+from wbc.scenario.synergies import Hands, tasks_of, weights_in
 
 FORCE_CLOSURE = 1e-6
 """ε_f and ε_m below which a grasp counts as in unit frictionless equilibrium."""
@@ -21,11 +22,14 @@ FORCE_CLOSURE = 1e-6
 _AT_ONCE = 1e-3  # duration where nothing moves, [s]
 
 
-def build_phases(scenario: Scenario, grasp: Grasp, tasks: list[str]) -> PhaseSequence:
+def build_phases(
+    scenario: Scenario, grasp: Grasp, tasks: list[str], hands: Hands | None = None
+) -> PhaseSequence:
     """The phases in order; one that never ends where the scenario lists none.
 
     Args:
         tasks: names of the stack's secondary tasks, then of the fingers' tip tasks.
+        hands: the synergies of each synergy task; None: their weights are not led.
     """
     specs = scenario.phases or (
         schema.Phase(name="run", tasks=tuple(tasks[: len(tasks) - grasp.count])),
@@ -35,7 +39,8 @@ def build_phases(scenario: Scenario, grasp: Grasp, tasks: list[str]) -> PhaseSeq
     for spec in specs:
         for name, value in spec.force.items():
             force[grasp.fingers.index(name)] = value
-        phases.append(_phase(spec, grasp, tasks, force))
+        led = () if hands is None else _task_motions(scenario, spec, tasks, hands)
+        phases.append(replace(_phase(spec, grasp, tasks, force), task_motions=led))
     phases = [_closing(phases, k) for k in range(len(phases))]
     if scenario.forces is not None:  # a phase in which nothing moves lasts until forces have passed
         _, ways = passages([phase.mode for phase in phases])
@@ -88,6 +93,20 @@ def _phase(spec: schema.Phase, grasp: Grasp, tasks: list[str], force: Array) -> 
         until=_until(spec, tasks),
         timeout=math.inf if spec.timeout is None else spec.timeout.after,
         on_timeout="hold" if spec.timeout is None else spec.timeout.then,
+    )
+
+
+def _task_motions(
+    scenario: Scenario, spec: schema.Phase, tasks: list[str], hands: Hands
+) -> tuple[TaskMotion, ...]:
+    return tuple(
+        TaskMotion(
+            tasks.index(name),
+            read_only(weights_in(spec.weights[name], task, hands[name])),
+            task.path == "linear",
+        )
+        for name, task in tasks_of(scenario)
+        if name in spec.weights
     )
 
 

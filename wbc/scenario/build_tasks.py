@@ -16,6 +16,7 @@ from wbc.scenario import kinds
 from wbc.scenario.kinds import TaskSpec
 from wbc.scenario.patterns import matching
 from wbc.scenario.schema import Scenario
+from wbc.scenario.synergies import Hands, weights_in
 from wbc.tasks import (
     CenterOfMass,
     EquilibriumForce,
@@ -27,6 +28,7 @@ from wbc.tasks import (
     PalmDistance,
     Posture,
     RelativePose,
+    Synergy,
     Task,
     TipPosition,
 )
@@ -47,10 +49,10 @@ def tracked_frames(scenario: Scenario, grasp: Grasp) -> tuple[str, ...]:
 
 
 def build_tasks(
-    scenario: Scenario, names: Sequence[str], kin: ExtendedKinematics, q_start: Array
+    scenario: Scenario, names: Sequence[str], kin: ExtendedKinematics, q_start: Array, hands: Hands
 ) -> list[Task]:
     """The stack's tasks in order of priority, then one tip task per finger."""
-    context = Context(scenario, kin, q_start)
+    context = Context(scenario, kin, q_start, hands)
     tasks = [
         BUILDERS[type(scenario.tasks[name])](name, scenario.tasks[name], context) for name in names
     ]
@@ -67,13 +69,17 @@ class Context:
     Attributes:
         scenario, kin: the scenario and the tick's workspace.
         q_start: (nv,) the start, for tasks whose target is where they begin.
+        hands: the synergies of each synergy task.
         planar: whether poses have the rows x, y, yaw only.
     """
 
-    def __init__(self, scenario: Scenario, kin: ExtendedKinematics, q_start: Array) -> None:
+    def __init__(
+        self, scenario: Scenario, kin: ExtendedKinematics, q_start: Array, hands: Hands
+    ) -> None:
         self.scenario = scenario
         self.kin = kin
         self.q_start = q_start
+        self.hands = hands
         self.planar = kin.robot.model.planar
 
     def frame(self, name: str) -> int:
@@ -179,6 +185,20 @@ def _posture(name: str, spec: kinds.PostureSpec, context: Context) -> Task:
     return Posture(*_common(name, spec), indices, read_only(goal))
 
 
+def _synergy(name: str, spec: kinds.SynergySpec, context: Context) -> Task:
+    hand, model = context.hands[name], context.kin.robot.model
+    joints = np.array([model.joint(spec.prefix + j) for j in hand.joints], dtype=np.int64)
+    if spec.weights is None:
+        goal = hand.project(context.q_start[joints])
+    else:
+        goal = weights_in(spec.weights, spec, hand)
+    return Synergy(
+        *_common(name, spec), joints, hand.mean, hand.basis,
+        read_only(np.maximum(hand.lower, model.lower[joints])),
+        read_only(np.minimum(hand.upper, model.upper[joints])), read_only(goal), spec.measure,
+    )  # fmt: skip
+
+
 def _center_of_mass(name: str, spec: kinds.CenterOfMassSpec, context: Context) -> Task:
     return CenterOfMass(*_common(name, spec), _axes(spec.axes), read_only(spec.target))
 
@@ -193,6 +213,7 @@ BUILDERS: dict[type, Callable[[str, Any, Context], Task]] = {
     kinds.FrameOrientationSpec: _frame_orientation,
     kinds.RelativePoseSpec: _relative_pose,
     kinds.PostureSpec: _posture,
+    kinds.SynergySpec: _synergy,
     kinds.CenterOfMassSpec: _center_of_mass,
 }
 """Every task type but object_pose, which is the main task's rows themselves."""

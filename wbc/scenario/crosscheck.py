@@ -99,6 +99,9 @@ def _tasks(data: dict[str, Any], faults: Faults) -> None:
             one, other = map(clip, twice)
             text = f"{kind} would count the tip of '{one}' and '{other}' twice"
             faults.add(("tasks", name), text, on="key")
+        if kind == "synergy" and mapping(task).get("measure") == "outside" and "weights" in task:
+            text = "are not for measure: outside, which only brings the hand into the synergies"
+            faults.add(("tasks", name, "weights"), text, on="key")
         if kind == "palm_distance" and "object" not in data:
             faults.add(("tasks", name), f"{kind} needs a block 'object'", on="key")
         if kind == "manipulability":
@@ -273,7 +276,23 @@ def _asked(data: dict[str, Any], phase: dict[str, Any], here: KeyPath, faults: F
         elif task in seen:
             faults.add(path, f"'{clip(task)}' is listed twice")
         seen.add(task)
+    _led(tasks, phase, here, faults)
     until = mapping(phase.get("until"))
     for task in mapping(until.get("residual")):
         if task not in tasks:
             faults.unknown((*here, "until", "residual", task), "task", task, tasks, on="key")
+
+
+def _led(tasks: dict[str, Any], phase: dict[str, Any], here: KeyPath, faults: Faults) -> None:
+    """Tasks whose weights a phase leads."""
+    asked = listing(phase.get("tasks"))
+    for task in mapping(phase.get("weights")):
+        path = (*here, "weights", task)
+        if task not in tasks:
+            faults.unknown(path, "task", task, tasks, on="key")
+        elif (kind := _kind(tasks[task])) not in ("", "synergy"):
+            faults.add(path, f"is of type {clip(kind)}: only a synergy task has weights", on="key")
+        elif mapping(tasks[task]).get("measure") == "outside":
+            faults.add(path, "measures what is outside the synergies: it has no weights", on="key")
+        elif task not in asked:
+            faults.add(path, "is not among this phase's tasks: add it there", on="key")

@@ -15,7 +15,9 @@ from wbc.scenario.blocks import (
     PerJoint,
     Pose,
     Rotation,
+    Text,
     Vector3,
+    Weights,
 )
 from wbc.scenario.units import (
     Coordinate,
@@ -279,6 +281,28 @@ class PostureSpec(TaskSpec):
 
 
 @final
+class SynergySpec(TaskSpec):
+    """A hand's joints within the few directions in which they move together."""
+
+    type: Literal["synergy"]
+    synergies: Text = Field(default="dexmart", description="the published ones, or a file's")
+    prefix: str = Field(
+        default="", description="what the robot's joint names have before those of the synergies"
+    )
+    measure: Literal["weights", "outside", "posture"] = Field(
+        default="weights",
+        description="the weights, leaving other directions free; what is outside the synergies; "
+        "or every joint, clipped to its range",
+    )
+    weights: Weights | None = Field(
+        default=None, description="a list, or a name: open, zero_offset, C27; else as it starts"
+    )
+    path: Literal["smooth", "linear"] = Field(
+        default="smooth", description="how a phase's weights are gone to"
+    )
+
+
+@final
 class CenterOfMassSpec(TaskSpec):
     """The robot's centre of mass, or some of its axes."""
 
@@ -298,6 +322,7 @@ AnyTask: TypeAlias = Annotated[
     | FrameOrientationSpec
     | RelativePoseSpec
     | PostureSpec
+    | SynergySpec
     | CenterOfMassSpec,
     Field(discriminator="type"),
 ]

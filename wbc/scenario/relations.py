@@ -97,7 +97,7 @@ def _pose(path: KeyPath, pose: dict[str, Any], faults: Faults) -> None:
 
 def _durations(path: KeyPath, phase: dict[str, Any], faults: Faults) -> None:
     if "over" not in phase:
-        for key in ("reach", "object"):
+        for key in ("reach", "object", "weights"):
             if phase.get(key):
                 text = "needs 'over' in this phase, the duration of the motion"
                 faults.add((*path, key), text, on="key")

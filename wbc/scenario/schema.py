@@ -22,6 +22,7 @@ from wbc.scenario.blocks import (
     Pose,
     Text,
     Vector3,
+    Weights,
 )
 from wbc.scenario.force_blocks import Contents, Forces, Inertia3
 from wbc.scenario.kinds import AnyCost, AnySurface, AnyTask
@@ -201,6 +202,9 @@ class Phase(Block):
     tasks: tuple[str, ...] = Field(default=(), description="beside the main task")
     force: Mapping[str, Force] = Field(default={}, description="finger: normal force at the end")
     object: Motion | None = None
+    weights: Mapping[str, Weights] = Field(
+        default={}, description="synergy task: where its weights go during 'over'"
+    )
     over: PositiveTime | None = Field(
         default=None, description="duration of what moves in this phase"
     )

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final, TypeAlias, Union, get_args, get_origin
 from pydantic import ValidationError
 
 from wbc.errors import did_you_mean
-from wbc.scenario.blocks import EVERY, Block
+from wbc.scenario.blocks import Block
 from wbc.scenario.crosscheck import crosscheck
 from wbc.scenario.force_checks import check_forces
 from wbc.scenario.kinds import COSTS, SURFACES, TASKS
@@ -173,8 +173,8 @@ def _path(loc: tuple[int | str, ...], data: Any) -> KeyPath:
             added = True
             continue
         added = False
-        if part == EVERY and not isinstance(entry, dict):
-            continue
+        if isinstance(part, str) and not isinstance(entry, dict):
+            continue  # no key of the file, but which of several forms it was read as
         path = (*path, part)
         entry = _at(entry, (part,))
     return path

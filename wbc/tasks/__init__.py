@@ -10,6 +10,7 @@ from wbc.tasks.frame import FrameOrientation, FramePose, FramePosition, Relative
 from wbc.tasks.manipulability import Manipulability
 from wbc.tasks.palm_distance import PalmDistance
 from wbc.tasks.posture import Posture
+from wbc.tasks.synergy import Synergy
 from wbc.tasks.tip_position import TipPosition
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "PalmDistance",
     "Posture",
     "RelativePose",
+    "Synergy",
     "Task",
     "TaskRows",
     "TipPosition",
