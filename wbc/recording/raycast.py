@@ -43,7 +43,7 @@ class Picture:
         self, kind: str, size: tuple[float, ...], pose: Array, rgb: tuple[float, ...]
     ) -> None:
         """Draw a ``sphere``, ``cylinder``, ``capsule`` or ``box``, see `silhouette.outline`."""
-        half = _half_extent(kind, size)
+        half = half_extent(kind, size)
         axes = np.stack((self._view.right, self._view.up, self._view.towards))
         turn, middle = axes @ pose[:3, :3], axes @ pose[:3, 3]  # in the picture's axes
         reach = np.abs(turn) @ half
@@ -166,7 +166,7 @@ def vertex_normals(vertices: Array, triangles: IntArray) -> Array:
     return out
 
 
-def _half_extent(kind: str, size: tuple[float, ...]) -> Array:
+def half_extent(kind: str, size: tuple[float, ...]) -> Array:
     """(3,) half edges of the box around a solid, in its own axes."""
     if kind == "box":
         return 0.5 * np.array(size)

@@ -24,12 +24,15 @@ class Hand:
         joints: (n,) places of a posture's joints in q.
         palm: frame of the link from which all of them hang; the last one, if there are several.
         links: names of the links that hang from the palm, itself included.
+        fingers: (n,) number of each joint's finger, from 0 as the posture goes: joints are of one
+            finger where the same joint carries them from the palm.
     """
 
     model: RobotModel
     joints: IntArray
     palm: int
     links: frozenset[str]
+    fingers: tuple[int, ...]
 
     @classmethod
     def of(cls, model: RobotModel, joints: Sequence[str], prefix: str = "") -> Hand:
@@ -54,7 +57,18 @@ class Hand:
         links = (
             str(f.name) for k, f in enumerate(frames) if _is_link(f) and palm in _way(model, k)
         )
-        return cls(model, places, palm, frozenset(links))
+        roots = [_root(model, palm, model.full_names.index(name)) for name in names]
+        order = list(dict.fromkeys(roots))
+        fingers = tuple(order.index(root) for root in roots)
+        return cls(model, places, palm, frozenset(links), fingers)
+
+    def body_fingers(self) -> dict[str, int]:
+        """The fingers, as in `fingers`, of all bodies that they carry, by the names of joints."""
+        model, roots = self.model, {}
+        for place, finger in zip(self.joints, self.fingers, strict=True):
+            roots[_root(model, self.palm, int(model.own[place]))] = finger
+        found = {n: _root(model, self.palm, k) for k, n in enumerate(model.full_names)}
+        return {name: roots[root] for name, root in found.items() if root in roots}
 
     def configurations(self, postures: Array) -> Array:
         """(m, nv) configurations of postures (m, n); joints that no posture names are mid-range."""
@@ -94,6 +108,17 @@ def _way(model: RobotModel, frame: int) -> list[int]:
             links.append(frame)
         frame = frames[frame].parentFrame
     return links
+
+
+def _root(model: RobotModel, palm: int, joint: int) -> int:
+    """The first joint after the palm among those that carry a joint, by its place among all; -1
+    where the palm does not carry it."""
+    carrier = int(model.pin_model.frames[palm].parentJoint)
+    above = model.chain(carrier)
+    chain = model.chain(joint + 1)
+    if chain[: len(above)] != above or len(chain) == len(above):
+        return -1
+    return chain[len(above)]
 
 
 def _common_link(model: RobotModel, joints: Sequence[str]) -> int:
