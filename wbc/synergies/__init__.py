@@ -1,5 +1,6 @@
 """Postural synergies: a hand's joints moved together by a few weights. Needs no robot model."""
 
+from wbc.synergies.consistent import consistent_postures
 from wbc.synergies.derived import derived
 from wbc.synergies.graspit import read_eigengrasps
 from wbc.synergies.postures import Postures, read_postures
@@ -13,6 +14,7 @@ __all__ = [
     "Reach",
     "Synergies",
     "Tables",
+    "consistent_postures",
     "derived",
     "read_eigengrasps",
     "read_postures",

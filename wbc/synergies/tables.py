@@ -82,6 +82,12 @@ def weights_of(name: str) -> Array:
     return read_only(np.deg2rad(known[name]))
 
 
+def half_units(name: str, columns: tuple[str, ...]) -> Array:
+    """(m, columns) half a unit of the last printed digit, of a table by its file's name."""
+    fractions = [[row[column].partition(".")[2] for column in columns] for row in _rows(name)]
+    return read_only([[0.5 * 10.0 ** -len(digits) for digits in row] for row in fractions])
+
+
 def _rows(name: str) -> list[dict[str, str]]:
     with open(_DATA / f"{name}.csv", encoding="utf-8") as file:
         return list(csv.DictReader(line for line in file if not line.startswith("#")))
