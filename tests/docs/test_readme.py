@@ -28,7 +28,7 @@ def extras() -> set[str]:
 
 
 def test_the_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    loop, forces = blocks("python")
+    loop, forces, synergies = blocks("python")
     exec(compile(loop, "README.md", "exec"), {})
     assert capsys.readouterr().out.startswith("0.198 ")
     scope: dict[str, object] = {}
@@ -36,6 +36,8 @@ def test_the_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out.startswith("solved ")
     c = scope["solution"].c.reshape(3, 3)  # type: ignore[attr-defined]
     assert c[:, 1] == pytest.approx(np.full(3, 2.0 / 3.0))  # a third of the weight each
+    exec(compile(synergies, "README.md", "exec"), {})
+    assert capsys.readouterr().out.startswith("[0.599 0.772 0.85 ] ")
 
 
 @pytest.mark.parametrize("line", [line for line in shell_lines() if line.startswith("wbc ")])

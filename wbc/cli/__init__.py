@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from wbc.cli.interrupt import Interrupts
+from wbc.cli.synergy_arguments import add_synergy
 from wbc.errors import WbcError
 
 USAGE, FAILED, INTERNAL, INTERRUPTED = 2, 1, 70, 130
@@ -82,6 +83,7 @@ def parser() -> argparse.ArgumentParser:
     _add_robot(commands)
     _add_assemble(commands)
     _add_forces(commands)
+    add_synergy(commands, _later, _add_view_options)
     _add(commands, "list", "list the scenarios and robots that travel with wbc", "catalog")
     _add(commands, "schema", "print the JSON Schema of scenario files, for editors", "catalog")
     return top

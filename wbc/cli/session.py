@@ -35,6 +35,7 @@ _UNITS = {
     "frame_pose": "m, rad",
     "relative_pose": "m, rad",
     "posture": "rad",
+    "synergy": "rad",
     "center_of_mass": "m",
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wbc.arrays import Array
+from wbc.cli.synergy_files import synergies_of
 from wbc.recording.figures import save, style
 from wbc.recording.hand_sheet import HandLook, contact_sheet, synergy_ranges
 from wbc.recording.synergy_plots import circular, finger_names, weights
@@ -27,6 +29,14 @@ _OBJECTS = {
     "C10": "box", "C16": "credit card", "C19": "pen", "C27": "pen, side", "G1": "power palm",
     "G2": "power pad", "G3": "side", "G4": "precision pad", "G5": "precision side",
 }  # fmt: skip
+
+
+def pictures_command(arguments: argparse.Namespace) -> int:
+    """Draw them."""
+    out = Path(arguments.out)
+    files = draw(synergies_of(arguments), arguments.hand, out, arguments.prefix)
+    print(f"written to {out}: {', '.join(file.name for file in files)}")
+    return 0
 
 
 def draw(synergies: Synergies, hand: Path | str, out: Path, prefix: str = "") -> list[Path]:
