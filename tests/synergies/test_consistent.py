@@ -17,8 +17,6 @@ T = tables()
 POSTURES = consistent_postures()
 HAND = Synergies.fit(POSTURES, T.joints)
 BOTH = ("two_synergies", "three_synergies")
-EXACT = 1.0 + 1e-6
-"""In half units of the last printed digit: what is nearer rounds to it."""
 
 
 def offsets(count: int) -> np.ndarray:
@@ -46,7 +44,7 @@ def test_table_1_and_the_signs() -> None:
     printed = (HAND.basis * T.basis).sum(axis=0) / np.linalg.norm(T.basis, axis=0)
     assert np.rad2deg(np.arccos(printed)).max() < 0.29
     unit = half_units("table1", ("mean",))[:, 0]
-    assert (np.abs(np.rad2deg(HAND.mean) - T.mean) < unit * EXACT).all()
+    assert (np.abs(np.rad2deg(HAND.mean) - T.mean) < unit).all()
 
 
 def test_shares_of_the_variance() -> None:
@@ -58,15 +56,15 @@ def test_shares_of_the_variance() -> None:
 
 def test_table_2() -> None:
     unit = half_units("table2", ("alpha1", "alpha2", "alpha3"))
-    assert (np.abs(np.rad2deg(HAND.project(POSTURES)) - T.weights) < unit * EXACT).all()
+    assert (np.abs(np.rad2deg(HAND.project(POSTURES)) - T.weights) < unit).all()
 
 
 def test_table_3() -> None:
     unit = half_units("table3", BOTH)
     gap = np.stack([np.abs(offsets(k)[:, 0]) for k in (2, 3)], axis=1) - T.thumb_errors
     off = np.abs(gap) / unit
-    assert (off[:, 1] < 1.00001).all()
-    others = [name for name, value in zip(T.names, off[:, 0], strict=True) if value > 1.00001]
+    assert (off[:, 1] < 1.0).all()
+    others = [name for name, value in zip(T.names, off[:, 0], strict=True) if value > 1.0]
     assert others == ["C4", "C15", "C16"] and off.max() < 2.0  # one unit of the last digit
     assert np.abs(gap).max() < 0.052
 
@@ -74,7 +72,7 @@ def test_table_3() -> None:
 def test_table_4() -> None:
     unit = half_units("table4", BOTH)
     errors = np.stack([np.linalg.norm(offsets(k), axis=1) / 15 for k in (2, 3)], axis=1)
-    assert (np.abs(errors - T.errors) < unit * EXACT).all()
+    assert (np.abs(errors - T.errors) < unit).all()
 
 
 def test_thumb_is_what_was_measured() -> None:

@@ -7,11 +7,12 @@ of every posture, outside the three synergies, of the printed size.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import nnls
 
 from wbc.arrays import Array, read_only
 from wbc.synergies.derived import measured_thumb
@@ -20,10 +21,13 @@ from wbc.synergies.tables import Tables, half_units, tables
 _BOTH: Final = ("two_synergies", "three_synergies")
 _WITHIN: Final = 0.999
 """Share of the half unit that is used: what is rounded must not stand on the border."""
+_GIVE: Final = 0.01
+"""Of a half unit, for one half unit further from all other printed numbers: so much dearer is it
+to miss an entry of Table 3's column "two syn", three of which cannot be met."""
 _SIGMA: Final = 0.8503
 """σ₃ of (53), from the chapter's text; Tables 2 and 4 as printed give 0.85026."""
-_MARGIN: Final = np.deg2rad(0.05)
-"""Kept from the ranges while searching, [rad]: the last, exact step moves the postures a little."""
+_MARGIN: Final = 0.05
+"""Kept from the ranges while searching, [deg]: the last, exact step moves the postures a little."""
 _SEARCH: Final = 3000
 _SEED: Final = 1
 
@@ -76,19 +80,20 @@ def consistent_postures() -> Array:
     columns = _outside(np.column_stack((basis, first)))
     squares = (n * spanned.errors) ** 2 - (given**2).sum(axis=1)
     known = spanned.mean + weights @ basis.T + given
-    margin = np.rad2deg(_MARGIN)
+    low, high = t.lower + _MARGIN, t.upper - _MARGIN
     rest = np.random.default_rng(_SEED).normal(size=known.shape)
     for _ in range(_SEARCH):  # from one condition to the next: linear, norms, ranges
         rest = rows @ rest @ columns
         rest *= np.sqrt(squares / (rest**2).sum(axis=1))[:, None]
-        rest = np.clip(known + rest, t.lower + margin, t.upper - margin) - known
+        rest = np.clip(known + rest, low, high) - known
     rest = _of_norms(rows @ rest @ columns, rows, squares)
     return read_only(np.deg2rad(known + rest))
 
 
 def _spanned(t: Tables) -> _Spanned:
-    """Numbers within the printed ones' half units that are principal components exactly.
+    """The numbers nearest to the printed ones that are principal components exactly.
 
+    Each is within half a unit of the last printed digit, and so are Tables 3 and 4 from them.
     Three entries of Table 3's column "two syn", C4, C15 and C16, cannot be met with all others:
     they stay off by less than a unit of their last digit.
     """
@@ -102,8 +107,8 @@ def _spanned(t: Tables) -> _Spanned:
         half_units("table2", ("alpha1", "alpha2", "alpha3")).ravel(),
         half_units("table4", _BOTH)[:, 1],
     ))  # fmt: skip
-    of_thumb = half_units("table3", _BOTH) * _WITHIN
-    of_two = half_units("table4", _BOTH)[:, 0] * _WITHIN
+    of_thumb = half_units("table3", _BOTH)
+    of_two = half_units("table4", _BOTH)[:, 0]
     cut, n = t.basis.size, len(t.joints)
 
     def parts(y: Array) -> tuple[Array, Array, Array]:
@@ -122,28 +127,55 @@ def _spanned(t: Tables) -> _Spanned:
             1e-2 * square[pairs], 1e4 * of_thumb,
         ))  # fmt: skip
 
-    def all_misfits(y: Array) -> Array:
-        """`exact`, and how far Tables 3 and 4 and σ₃ are missed beyond their rounding."""
+    def misfit(y: Array) -> Array:
+        """Of Table 3, column after column, Table 4's two synergies, σ₃ and y, in half units."""
         basis, weights, errors = parts(y)
-        thumb = np.abs(offset[:, None] - np.stack(
-            (weights[:, :2] @ basis[0, :2], weights @ basis[0]), axis=1))  # fmt: skip
+        thumb = np.stack((weights[:, :2] @ basis[0, :2], weights @ basis[0]), axis=1)
         two = np.hypot(n * errors, weights[:, 2]) / n
         spread, rest = (weights**2).sum(), ((n * errors) ** 2).sum()
-        sigma = np.array([spread / (spread + rest) - _SIGMA])
         return np.concatenate((
-            exact(y),
-            (_beyond(thumb - t.thumb_errors, of_thumb) / of_thumb).ravel(),
-            _beyond(two - t.errors[:, 0], of_two) / of_two,
-            _beyond(sigma, np.array([0.5e-4 * _WITHIN])) / 0.5e-4,
+            ((np.abs(offset[:, None] - thumb) - t.thumb_errors) / of_thumb).T.ravel(),
+            (two - t.errors[:, 0]) / of_two, [(spread / (spread + rest) - _SIGMA) / 0.5e-4], y,
         ))  # fmt: skip
 
-    near = least_squares(all_misfits, np.zeros(len(printed)), bounds=(-_WITHIN, _WITHIN),
-                         max_nfev=100).x  # fmt: skip
-    for _ in range(4):  # what is left, by the shortest step; differences serve as derivatives
-        slope = [(exact(near + d) - exact(near - d)) / 2e-4 for d in 1e-4 * np.eye(len(near))]
-        near = near - np.linalg.lstsq(np.array(slope).T, exact(near), rcond=None)[0]
-    basis, weights, errors = parts(near)
+    y = np.zeros(len(printed))
+    for _ in range(6):  # linear but for little: each step finds the nearest of all y anew
+        zero, slope = exact(y), _slope(exact, y)
+        fit, bend = misfit(y), _slope(misfit, y)
+        y = _nearest(slope, slope @ y - zero, bend, fit - bend @ y, len(t.names))
+    for _ in range(3):
+        y = y - np.linalg.lstsq(_slope(exact, y), exact(y), rcond=None)[0]
+    basis, weights, errors = parts(y)
     return _Spanned(basis, weights, errors, offset - weights @ basis[0], mean)
+
+
+def _slope(function: Callable[[Array], Array], y: Array) -> Array:
+    """The derivative, by central differences."""
+    columns = [(function(y + d) - function(y - d)) / 2e-4 for d in 1e-4 * np.eye(len(y))]
+    return np.stack(columns, axis=1)
+
+
+def _nearest(equal: Array, value: Array, band: Array, centre: Array, give: int) -> Array:
+    """The shortest y with equal y = value and |band y + centre| within a half unit.
+
+    The first `give` rows of `band` may be missed at a price. As a problem of least distance, which
+    Lawson and Hanson, Solving Least Squares Problems, chapter 23, turn into one of least squares
+    with a positive solution: unique, and found in a finite number of steps.
+    """
+    slack = np.zeros((len(band), give))
+    slack[:give] = _GIVE * np.eye(give)
+    equal = np.hstack((equal, np.zeros((len(equal), give))))
+    band = np.hstack((band, slack))
+    start = np.linalg.lstsq(equal, value, rcond=None)[0]
+    free = np.linalg.svd(equal)[2][len(equal) :].T
+    there = band @ start + centre
+    sides = np.vstack((band @ free, -band @ free))
+    limits = np.concatenate((-_WITHIN - there, there - _WITHIN))
+    stacked = np.vstack((sides.T, limits))
+    target = np.append(np.zeros(free.shape[1]), 1.0)
+    gap = stacked @ nnls(stacked, target)[0] - target
+    nearest: Array = (start - free @ (gap[:-1] / gap[-1]))[: equal.shape[1] - give]
+    return nearest
 
 
 def _of_norms(rest: Array, rows: Array, squares: Array) -> Array:
@@ -162,8 +194,3 @@ def _outside(columns: Array) -> Array:
     base = np.linalg.qr(columns)[0]
     outside: Array = np.eye(len(base)) - base @ base.T
     return outside
-
-
-def _beyond(value: Array, allowed: Array) -> Array:
-    beyond: Array = value - np.clip(value, -allowed, allowed)
-    return beyond
