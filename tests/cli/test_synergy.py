@@ -87,6 +87,8 @@ def test_tables_are_computed_and_written_whole(here, capsys):
     assert main(["synergy", "fit", "out/consistent.csv", "--out", "hand.json"]) == 0
     fitted = Synergies.load("hand.json")
     assert np.abs(fitted.basis - T.basis).max() < 6e-3  # one printed entry has two digits swapped
+    assert np.abs(np.rad2deg(fitted.mean) - T.mean).max() < 0.05
+    assert abs(fitted.explained[2] - 0.8503) < 1e-4
     assert main(["synergy", "project", "out/postures.csv"]) == 0
 
 

@@ -12,9 +12,7 @@ from wbc.robot.hand import Hand
 from wbc.robot.self_distances import SelfDistance
 from wbc.scenario.places import robot_file
 from wbc.scenario.robots import read_robot
-from wbc.synergies import Synergies
-from wbc.synergies.graspit import read_eigengrasps
-from wbc.synergies.postures import Postures, read_postures
+from wbc.synergies import Postures, Synergies, read_eigengrasps, read_postures
 
 NOTICED = np.deg2rad(0.05)
 """A joint clipped by less is not told, [rad]."""

@@ -17,8 +17,7 @@ from wbc.errors import WbcError, did_you_mean
 from wbc.robot.hand import Hand
 from wbc.robot.self_distances import self_distances
 from wbc.scenario.places import robot_file
-from wbc.synergies import Synergies, weights_of
-from wbc.synergies.reach import Reach
+from wbc.synergies import Reach, Synergies, weights_of
 
 _REACH = "synergy_reach"
 

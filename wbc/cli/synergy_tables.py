@@ -16,9 +16,7 @@ from wbc.robot.hand import Hand
 from wbc.robot.self_distances import self_distances
 from wbc.scenario.places import robot_file
 from wbc.scenario.robots import read_robot
-from wbc.synergies import Synergies, tables, weights_of
-from wbc.synergies.consistent import consistent_postures
-from wbc.synergies.derived import derived
+from wbc.synergies import Synergies, consistent_postures, derived, tables, weights_of
 
 
 def tables_command(arguments: argparse.Namespace) -> int:
@@ -37,7 +35,7 @@ def tables_command(arguments: argparse.Namespace) -> int:
         "tables.json": json.dumps(data, indent=1, ensure_ascii=False) + "\n",
         "postures.csv": _csv(names, np.rad2deg(synergies.posture(alpha))),
         "commanded.csv": _csv(names, np.rad2deg(synergies.command(alpha))),
-        "consistent.csv": _csv(t.names, consistent_postures()),
+        "consistent.csv": _csv(t.names, np.rad2deg(consistent_postures())),
     }
     for name, text in files.items():
         _write(out / name, text)
