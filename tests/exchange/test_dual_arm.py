@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from wbc.control.state import Status
+from wbc.synergies import Synergies
 
 from .runs import Run, check_laws, simulate
 
@@ -104,6 +105,24 @@ def bottle() -> Run:
 def test_bottle(bottle: Run) -> None:
     report(bottle)
     check_exchange(bottle)
+
+
+@pytest.mark.parametrize(
+    ("side", "comes", "before"),
+    [("right", ("reach", "enter"), ()), ("left", ("approach", "surround"), ("reach", "present"))],
+)
+def test_three_numbers_shape_a_hand_on_its_way(
+    bottle: Run, side: str, comes: tuple[str, ...], before: tuple[str, ...]
+) -> None:
+    """From the zero offset to the weights, whatever the fingertips are led to meanwhile."""
+    hand, model = Synergies.from_table(), bottle.assembly.model
+    joints = [model.joint(f"{side}_{joint}") for joint in hand.joints]
+    weights = np.rad2deg(hand.project(bottle.q[:-1, joints]))
+    assert np.abs(weights[0]).max() < 1e-9
+    for name in before:
+        assert np.abs(weights[in_phase(bottle, name)]).max() < 2.0
+    for name in comes:
+        assert np.abs(weights[in_phase(bottle, name)][-1] - (-11.0, -26.0, 9.0)).max() < 0.2
 
 
 def report(run: Run) -> None:
