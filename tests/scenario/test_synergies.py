@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from wbc.cli import main
 from wbc.errors import ScenarioError
 from wbc.scenario import load
 from wbc.scenario.build import Assembly, build
@@ -230,3 +231,10 @@ def test_the_goal_and_the_law_are_set_from_outside() -> None:
     assert not motion.linear
     with pytest.raises(ScenarioError, match=r"^--set phases.close.weights.shape: unknown weights"):
         build(load("synergy_reach", {"phases.close.weights.shape": "G9"}))
+
+
+def test_check_says_where_a_phase_leads_a_hand(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "synergy_reach"]) == 0
+    out = capsys.readouterr().out
+    assert "leads shape to -133.4, 3.492, -5.871 deg" in out
+    assert "leads shape to 75.9, 19.8, -68 deg" in out and "ready to run" in out

@@ -159,6 +159,9 @@ def _phases(assembly: Assembly, rehearsal: Rehearsal) -> Iterable[str]:
             if mode != ContactMode.FREE
         ]
         yield f"{number}. {phase.name}: {', '.join(touching) or 'no contact'}{_ends(phase)}"
+        for task, goal, _ in phase.task_motions:
+            weights = ", ".join(f"{x:.4g}" for x in np.rad2deg(goal))
+            yield f"   leads {assembly.controller.task_names[task]} to {weights} deg"
         stage = stages.get(phase.name)
         if stage is None:
             yield f"   not rehearsed: it stops {'at a fault' if failed else f'after {LONGEST:g} s'}"
