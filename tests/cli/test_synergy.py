@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from wbc import resources
 from wbc.cli import main
+from wbc.cli.synergy_files import near_text
 from wbc.recording import Log
+from wbc.robot.hand import Hand
+from wbc.robot.model import load_robot
+from wbc.robot.self_distances import self_distances
 from wbc.synergies import Synergies, tables, weights_of
 
 T = tables()
@@ -129,6 +135,7 @@ def test_show_goes_from_end_to_end_of_a_synergy(here, capsys):
     ("arguments", "said"),
     [
         (["grasp", "C37"], "unknown grasp 'C37'"),
+        (["grasp", "noext"], "POSTURE.csv"),
         (["grasp", "C27", "--hand", "planar_gripper"], "no joint 'thumb_abd'"),
         (["grasp", "C27", "--hand", "dual_arm"], "no joint 'thumb_abd'"),
         (["grasp", "C27", "--synergies", "none.json"], "none.json"),
@@ -143,6 +150,40 @@ def test_what_is_not_there_is_one_line(here, capsys, arguments, said):
     error = capsys.readouterr().err
     assert said in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("row", ["../../out/mug", "mug: of tea/1", "z" * 300])
+def test_a_name_in_a_file_does_not_say_where_to_write(tmp_path, monkeypatch, row):
+    home = tmp_path / "home" / "here"
+    home.mkdir(parents=True)
+    monkeypatch.chdir(home)
+    path = table(home / "P.CSV", grasps("C2"), [row])
+    assert main(["synergy", "grasp", f"{path}:{row}"]) == 0
+    (run,) = (home / "runs").iterdir()
+    assert (run / "log.npz").exists()
+    assert [p.name for p in tmp_path.iterdir()] == ["home"]
+    assert {p.name for p in home.iterdir()} == {"P.CSV", "runs"}
+
+
+def test_any_name_of_a_file_is_taken(here):
+    folder = here / "my hand #1: 🙂"
+    folder.mkdir()
+    HAND.save(folder / "h, [a].json")
+    given = ["--synergies", str(folder / "h, [a].json"), "--out", "out"]
+    assert main(["synergy", "grasp", "zero_offset", *given]) == 0
+
+
+def test_the_limits_of_the_robot_count_where_synergies_know_no_ranges(here, capsys):
+    replace(HAND, lower=np.full(15, -np.inf), upper=np.full(15, np.inf)).save("hand.json")
+    path = table(here / "p.csv", HAND.mean + HAND.basis @ [3.5, 0.0, 0.0], unit="rad")
+    assert main(["synergy", "grasp", path, "--synergies", "hand.json", "--out", "out"]) == 0
+    said = capsys.readouterr().out
+    log = Log.load("out/log.npz")
+    order = [log.joint_names.index(joint) for joint in T.joints]
+    hand = Hand.of(load_robot(resources.find("urdf", "dexmart_hand_right")), T.joints)
+    (near,) = self_distances(hand, log.q[-1:, order])
+    assert "above its range" in said
+    assert near_text(near) in said
 
 
 EIGENGRASPS = """<?xml version="1.0" ?>

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -12,6 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from wbc.control.references import led, minimum_jerk
 from wbc.control.rehearsal import rehearse
 from wbc.control.state import ControllerState, Status, TickRecord
+from wbc.errors import SetupError
 from wbc.scenario import load
 from wbc.scenario.build import Assembly, build
 from wbc.stack.activation import Activation
@@ -196,6 +198,38 @@ def test_a_new_target_in_mid_motion_is_where_it_ends() -> None:
     _, later = run(assembly, 2.002, state)
     assert later[-1].phase.current == 1  # from there to the next goal
     assert_array_equal(later[-1].phase.motion.aims[0].way, PEN - goal)
+
+
+def test_a_rate_set_from_outside_ends_with_the_next_phase() -> None:
+    """A goal of a phase stands still: what the target's rate was before is not kept."""
+    assembly = built()
+    controller, state = assembly.controller, assembly.start
+    state = state._replace(targets=(np.ones(6), *state.targets[1:]))
+    for begun in (None, state.phase.motion):
+        phase, targets = controller.phases.lead(state.phase, state.targets, begun)
+        assert_array_equal(targets[0], [*OPEN, 0.0, 0.0, 0.0])
+        assert len(phase.motion.aims) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"basis": HAND.basis[:, 0]}, "must have 15 rows"),
+        ({"basis": np.zeros((15, 0))}, "are none or not independent"),
+        ({"basis": np.full((15, 3), np.nan)}, "must be finite"),
+        ({"mean": np.full(15, np.nan)}, "must be finite"),
+        ({"measure": "weight"}, "unknown measure 'weight'"),
+        ({"joints": np.arange(15.0)}, "must be a row of places"),
+        ({"joints": np.arange(15)[:, None]}, "must be a row of places"),
+        ({"joints": np.zeros(15, np.int64)}, "named twice"),
+        ({"lower": np.full(15, 9.0)}, "above its upper one"),
+        ({"goal": np.zeros(2)}, "its target must be 3 or 6"),
+    ],
+)
+def test_a_definition_that_does_not_fit_is_refused(change: dict[str, Any], says: str) -> None:
+    assembly = built()
+    with pytest.raises(SetupError, match=says):
+        replace(task_of(assembly), **change).check(assembly.controller.law.kin)
 
 
 @pytest.mark.parametrize("integrator", ["rk4", "euler"])

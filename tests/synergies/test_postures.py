@@ -77,7 +77,9 @@ def test_a_posture_somewhat_out_of_range_is_read(tmp_path: Path) -> None:
         ("abd,prox,med,mid\n0,0,0,0\n", ":1: no joint is called 'mid' (did you mean 'med'?)"),
         ("abd,prox,med,med\n0,0,0,0\n", ":1: 'med' is named twice (the header"),
         ("abd,prox,,med\n0,0,0,0\n", ":1: '' is no name of a joint"),
-        ("abd;prox;med\n0;0;0\n", ":1: no joint is called 'abd;prox;med'"),
+        ("abd;prox;med\n0,1;0;0\n", ":1: the columns are separated by ';' (separate them by comm"),
+        ("abd\tprox\tmed\n0\t0\t0\n", ":1: the columns are separated by tabs"),
+        ("0.1,0.2,0.3\n", ":1: the header row is missing"),
         ("posture\nC1\n", ":1: no joint is named"),
         ("# nothing\n", ":1: no joint is named"),
         ("abd,prox,med\n", ": no posture (write"),
@@ -109,6 +111,17 @@ def test_every_faulty_row_is_named_up_to_twenty(tmp_path: Path) -> None:
     assert [line[:3] for line in says] == [":2:", ":2:", ":3:", ":4:"]
     says = fault(tmp_path, "abd,prox,med\n" + "0,x,0\n" * 1000).split("\n")
     assert len(says) == 21 and says[-1] == ": ... and 980 more faults"
+
+
+def test_a_misspelt_column_is_one_fault(tmp_path: Path) -> None:
+    says = fault(tmp_path, "abd,prox,mid\n0,0,0\n")
+    assert says == ":1: no joint is called 'mid' (did you mean 'med'?)"
+
+
+@pytest.mark.parametrize("line", ["# unit: deg,,", "# unit: deg;;", "#units = deg , , "])
+def test_a_spreadsheet_fills_the_line_of_the_unit_up(tmp_path: Path, line: str) -> None:
+    path = file(tmp_path, f"{line}\nabd,prox,med\n1,2,3\n")
+    assert read_postures(path, JOINTS).values[0, 0] == np.deg2rad(1.0)
 
 
 def test_the_caller_and_the_file_disagree(tmp_path: Path) -> None:

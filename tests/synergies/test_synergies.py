@@ -122,7 +122,7 @@ def test_joints_that_move_alike() -> None:
     twice = np.concatenate((postures, postures), axis=1)
     hand = Synergies.fit(twice)
     np.testing.assert_allclose(hand.basis[:4], hand.basis[4:], atol=1e-14)
-    with pytest.raises(WbcError, match="differ in 4 directions: 5 synergies"):
+    with pytest.raises(WbcError, match=r"in 4 directions: 5 synergies .* \(1 to 4 can\)"):
         Synergies.fit(twice, count=5)
 
 

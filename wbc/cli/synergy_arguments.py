@@ -41,7 +41,7 @@ def add_synergy(
     grasp = add("grasp", "motion", "the reach to grasp: from the zero offset, open, close")
     grasp.add_argument(
         "grasp", metavar="GRASP",
-        help="C1 to C36, G1 to G5, open, or POSTURE.csv, with :NAME for one of several rows",
+        help="C1 to C36, G1 to G5, open, zero_offset, or POSTURE.csv, with :NAME for a row of it",
     )  # fmt: skip
     grasp.add_argument(
         "--path", choices=("linear", "smooth"), default="linear",
@@ -108,7 +108,7 @@ def _add_motion(command: argparse.ArgumentParser, view: Callable[[Any], None]) -
     command.add_argument("--view", action="store_true", help="follow the hand in a browser")
     view(command)
     command.add_argument(
-        "--out", metavar="DIR", help="folder of the run's log (default: runs/synergy_reach)"
+        "--out", metavar="DIR", help="folder of the run's log (default: runs/synergy_ and its name)"
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +77,16 @@ def hand_of(arguments: argparse.Namespace, joints: tuple[str, ...]) -> Hand:
     """The hand of ``--hand`` and ``--prefix``."""
     model = read_robot(robot_file(arguments.hand, Path()))
     return Hand.of(model, joints, arguments.prefix)
+
+
+def within_limits(synergies: Synergies, hand: Hand) -> Synergies:
+    """The same synergies, their ranges cut to the limits of the robot that is to take them."""
+    least, most = hand.model.lower[hand.joints], hand.model.upper[hand.joints]
+    return replace(
+        synergies,
+        lower=np.clip(synergies.lower, least, most),
+        upper=np.clip(synergies.upper, least, most),
+    )
 
 
 def _ranges(

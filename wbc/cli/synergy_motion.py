@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,22 +13,31 @@ import numpy as np
 from wbc.arrays import Array
 from wbc.cli.run import run_command
 from wbc.cli.synergy_arguments import DEFAULT_HAND
-from wbc.cli.synergy_files import NOTICED, hand_of, near_text, postures_of, synergies_of
+from wbc.cli.synergy_files import (
+    NOTICED,
+    hand_of,
+    near_text,
+    postures_of,
+    synergies_of,
+    within_limits,
+)
 from wbc.cli.synergy_pictures import range_weights
-from wbc.errors import WbcError, did_you_mean
+from wbc.errors import UnknownNameError, WbcError, did_you_mean
 from wbc.robot.hand import Hand
 from wbc.robot.self_distances import self_distances
 from wbc.scenario.places import robot_file
-from wbc.synergies import Reach, Synergies, weights_of
+from wbc.scenario.synergies import known_names, weights_named
+from wbc.synergies import Reach, Synergies
 
 _REACH = "synergy_reach"
+_FILE = re.compile(r"(.*?\.csv)(?::(.*))?", re.IGNORECASE)
+_LONGEST = 60  # of what a folder is called after
 
 
 def grasp_command(arguments: argparse.Namespace) -> int:
     """Tell a grasp and where the way to it is clipped, then run the reach."""
-    synergies = synergies_of(arguments)
+    hand, synergies = _hand(arguments)
     name, weights = _grasp(arguments, synergies)
-    hand = hand_of(arguments, synergies.joints)
     reach = Reach.to(synergies, weights, law=arguments.path)
     print(f"{name}: weights {_degrees(weights)} deg")
     for joint, start, end, excess in reach.beyond():
@@ -41,14 +52,13 @@ def grasp_command(arguments: argparse.Namespace) -> int:
         f"phases.close.weights.shape={_list(weights)}",
         f"tasks.shape.path={reach.law}",
     ]
-    return _run(arguments, synergies, hand, name, settings)
+    return _run(arguments, synergies, name, settings)
 
 
 def show_command(arguments: argparse.Namespace) -> int:
     """Tell what a synergy does to each joint, then move the hand along it."""
-    synergies = synergies_of(arguments)
+    hand, synergies = _hand(arguments)
     number = _number(arguments.synergy, synergies)
-    hand = hand_of(arguments, synergies.joints)
     ends = range_weights(synergies, hand)[number]
     along = np.outer(ends, np.eye(synergies.count)[number])
     shown = np.rad2deg(synergies.command(along))
@@ -66,14 +76,21 @@ def show_command(arguments: argparse.Namespace) -> int:
         for name, alpha, over in parts
     )
     settings = [f"phases=[{phases}]", "tasks.shape.path=smooth", "simulation.duration=13 s"]
-    return _run(arguments, synergies, hand, arguments.synergy, settings)
+    return _run(arguments, synergies, arguments.synergy, settings)
+
+
+def _hand(arguments: argparse.Namespace) -> tuple[Hand, Synergies]:
+    """The hand, and its synergies with the ranges that hand and synergies share."""
+    synergies = synergies_of(arguments)
+    hand = hand_of(arguments, synergies.joints)
+    return hand, within_limits(synergies, hand)
 
 
 def _grasp(arguments: argparse.Namespace, synergies: Synergies) -> tuple[str, Array]:
     """A grasp's name and its weights (k,), [rad]."""
     asked: str = arguments.grasp
-    path, _, row = asked.rpartition(":") if ".csv:" in asked else (asked, "", "")
-    if path.endswith(".csv"):
+    if (file := _FILE.fullmatch(asked)) is not None:
+        path, row = file.groups()
         postures = postures_of(path, arguments.unit, synergies)
         if not row and len(postures.names) > 1:
             known = ", ".join(postures.names[:6])
@@ -83,12 +100,11 @@ def _grasp(arguments: argparse.Namespace, synergies: Synergies) -> tuple[str, Ar
         if name not in postures.names:
             raise WbcError(f"{path}: no posture '{name}'{did_you_mean(name, postures.names)}")
         return name, synergies.project(postures.values[postures.names.index(name)])
-    if asked == "open":
-        return asked, synergies.project(np.zeros(len(synergies.joints)))
-    if arguments.synergies is not None:
-        raise WbcError(f"grasp '{asked}': only the published synergies have named grasps "
-                       "(give a POSTURE.csv, or open)")  # fmt: skip
-    return asked, weights_of(asked)
+    published = arguments.synergies is None
+    names = known_names(published=published)
+    if asked not in names:
+        raise UnknownNameError("grasp", asked, ("POSTURE.csv", *names))
+    return asked, weights_named(asked, synergies, published=published)
 
 
 def _number(name: str, synergies: Synergies) -> int:
@@ -101,27 +117,26 @@ def _number(name: str, synergies: Synergies) -> int:
 def _run(
     arguments: argparse.Namespace,
     synergies: Synergies,
-    hand: Hand,
     name: str,
     settings: list[str],
 ) -> int:
     """Run the reach's scenario with other settings: the same stack, log and view as any other."""
     if arguments.synergies is not None:
-        settings.append(f"tasks.shape.synergies={Path(arguments.synergies).resolve()}")
+        settings.append(f"tasks.shape.synergies={_text(Path(arguments.synergies).resolve())}")
     if arguments.hand != DEFAULT_HAND:
-        settings.append(f"robot.urdf={_place(arguments.hand)}")
+        settings.append(f"robot.urdf={_text(_place(arguments.hand))}")
     if arguments.prefix:
-        settings.append(f"tasks.shape.prefix={arguments.prefix}")
-    model, at = hand.model, hand.joints
-    start = np.clip(synergies.command(np.zeros(synergies.count)), model.lower[at], model.upper[at])
+        settings.append(f"tasks.shape.prefix={_text(arguments.prefix)}")
+    start = synergies.command(np.zeros(synergies.count))
     joints = ", ".join(
-        f"{arguments.prefix}{joint}: {value!r} rad"
+        f"{_text(arguments.prefix + joint)}: {value!r} rad"
         for joint, value in zip(synergies.joints, start.tolist(), strict=True)
     )
     settings.append(f"robot.start={{{joints}}}")
+    plain = re.sub(r"[^\w.-]+", "_", name)[:_LONGEST]  # a row's name may hold slashes
     given: dict[str, Any] = {
         **vars(arguments), "scenario": _REACH, "settings": settings, "seed": None,
-        "realtime": False, "fast": False, "out": arguments.out or f"runs/synergy_{name}",
+        "realtime": False, "fast": False, "out": arguments.out or f"runs/synergy_{plain}",
     }  # fmt: skip
     return run_command(argparse.Namespace(**given))
 
@@ -131,6 +146,11 @@ def _place(robot: str) -> str:
     if "://" in robot:
         return robot
     return str(robot_file(robot, Path()).resolve())
+
+
+def _text(value: object) -> str:
+    """As YAML reads it back, whatever is in it."""
+    return json.dumps(str(value), ensure_ascii=False)
 
 
 def _degrees(values: Array) -> str:

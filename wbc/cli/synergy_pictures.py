@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from wbc.arrays import Array
-from wbc.cli.synergy_files import synergies_of
+from wbc.cli.synergy_files import synergies_of, within_limits
 from wbc.recording.figures import save, style
 from wbc.recording.hand_sheet import HandLook, contact_sheet, synergy_ranges
 from wbc.recording.synergy_plots import circular, finger_names, weights
@@ -96,12 +95,7 @@ def range_weights(synergies: Synergies, hand: Hand) -> Array:
     The ranges of the synergies' joints count, and those of the robot. Where they do not bound a
     weight, or do not hold c̄, two standard deviations (53) stand for the range.
     """
-    model, joints = hand.model, hand.joints
-    lower = np.maximum(synergies.lower, model.lower[joints])
-    upper = np.minimum(synergies.upper, model.upper[joints])
-    ends = np.full((synergies.count, 2), np.nan)
-    if (lower <= upper).all():
-        ends = replace(synergies, lower=lower, upper=upper).ranges()
+    ends = within_limits(synergies, hand).ranges()
     spread = 2.0 * np.sqrt(np.maximum(synergies.variances, 0.0))
     ends = np.where(np.isfinite(ends), ends, np.stack((-spread, spread), axis=1))
     out: Array = np.stack((ends[:, 0], np.zeros(len(ends)), ends[:, 1]), axis=1)

@@ -190,7 +190,7 @@ class PhaseSequence:
         for task, goal, linear in self.phases[state.current].task_motions:
             here, k = before[task], len(goal)
             assert here is not None  # `checks.controller` saw to it
-            goals[task] = np.concatenate([goal, here[k:]])
+            goals[task] = np.concatenate([goal, np.zeros(len(here) - k)])  # where it rests
             aims.append(Aim(task, goal - here[:k], linear))
         return state._replace(motion=state.motion._replace(aims=tuple(aims))), tuple(goals)
 

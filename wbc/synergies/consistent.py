@@ -46,7 +46,7 @@ class _Spanned(NamedTuple):
 def repaired_basis() -> Array:
     """(15, 3) Ê of Table 1, with the one entry of e₃ changed that makes its columns orthonormal.
 
-    As printed |e₃|² is 0.996, forty times further from 1 than four digits allow, and one entry
+    As printed |e₃|² is 0.996, 14 times further from 1 than four digits can bring it, and one entry
     alone can mend that together with the products with e₁ and e₂: that of the thumb's proximal
     joint, 0.3693 where the digits of 0.3639 were exchanged.
     """

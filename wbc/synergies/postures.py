@@ -107,7 +107,7 @@ def _split(name: str, text: str) -> tuple[tuple[int, str] | None, Iterator[tuple
     for number, line in enumerate(text.split("\n"), start=1):
         stripped = line.strip()
         if (found := _UNIT.match(stripped)) is not None:
-            said = found.group(1).strip()
+            said = found.group(1).rstrip(",; \t").strip()  # a spreadsheet fills the row up
             if declared is not None and declared[1] != said:
                 raise WbcError(
                     f"{name}:{number}: another unit than in line {declared[0]} (keep one of them)"
@@ -128,6 +128,11 @@ def _cells(place: str, line: str) -> list[str]:
 def _check_columns(place: str, columns: list[str], joints: Sequence[str] | None) -> None:
     if not columns:
         raise WbcError(f"{place}: no joint is named (write a header row with the joints' names)")
+    if len(columns) == 1 and (other := re.search(r"[;\t|]", columns[0])) is not None:
+        sign = "tabs" if other[0] == "\t" else f"'{other[0]}'"
+        raise WbcError(f"{place}: the columns are separated by {sign} (separate them by commas)")
+    if all(_is_number(c) for c in columns):
+        raise WbcError(f"{place}: the header row is missing (name the joints in the first row)")
     if (trouble := name_trouble(columns[: MAX_JOINTS + 1])) is not None:
         raise WbcError(f"{place}: {trouble} (the header row has one name for each joint)")
     faults: list[str] = []
@@ -138,10 +143,8 @@ def _check_columns(place: str, columns: list[str], joints: Sequence[str] | None)
             if c not in joints
         ]
         missing = [joint for joint in joints if joint not in columns]
-        if missing:
+        if missing and not faults:  # else a name is misspelt rather than missing
             faults.append(f"{place}: no column for {_listed(missing)} (add it)")
-    elif all(_is_number(c) for c in columns):
-        faults.append(f"{place}: the header row is missing (name the joints in the first row)")
     raise_faults(place, faults)
 
 

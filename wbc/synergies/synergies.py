@@ -28,7 +28,7 @@ class Synergies:
         joints: (n,) names, in the order of every posture.
         mean: (n,) c̄, the zero-offset posture, [rad].
         basis: (n, k) Ê (54), columns as nearly orthonormal as their source gives them.
-        variances: (k,) s_j of (53), the variance along each synergy, [rad²], falling.
+        variances: (k,) s_j of (53), the variance along each synergy, [rad²], falling if fitted.
         total_variance: of all n components, [rad²].
         lower, upper: (n,) the hand's ranges, [rad]; infinite where none is known.
     """
@@ -129,8 +129,10 @@ class Synergies:
         noise = max(m, n) * np.finfo(float).eps * np.linalg.norm(values)
         rank = int(np.sum(lengths > noise))
         if not 1 <= count <= rank:
+            remedy = f"1 to {rank} can" if rank else "record others"
             raise WbcError(
-                f"{m} postures differ in {rank} directions: {count} synergies cannot be found"
+                f"{m} postures differ in {rank} directions: {count} synergies cannot be found "
+                f"({remedy})"
             )
         basis = directions[:count].T
         unknown = np.full(n, np.inf)

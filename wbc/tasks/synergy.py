@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, TypeAlias, final
+from typing import Literal, TypeAlias, final, get_args
 
 import numpy as np
 
@@ -107,8 +107,11 @@ class Synergy(Task):
         return read_only(np.linalg.pinv(self.basis))
 
     def check(self, kin: ExtendedKinematics) -> None:
-        super().check(kin)
         nv, n = kin.robot.model.nv, len(self.joints)
+        if self.measure not in get_args(SynergyMeasure):
+            raise SetupError(f"task '{self.name}': unknown measure '{self.measure}'")
+        if self.joints.ndim != 1 or not np.issubdtype(self.joints.dtype, np.integer):
+            raise SetupError(f"task '{self.name}': joints must be a row of places in q")
         if n and not (self.joints.min() >= 0 and self.joints.max() < nv):
             raise SetupError(f"task '{self.name}': joints must be places in q, 0 to {nv - 1}")
         if len(set(self.joints.tolist())) < n:
@@ -117,10 +120,14 @@ class Synergy(Task):
             self.basis.ndim != 2 or len(self.basis) != n
         ):
             raise SetupError(f"task '{self.name}': mean, basis and ranges must have {n} rows")
+        if not (np.isfinite(self.mean).all() and np.isfinite(self.basis).all()):
+            raise SetupError(f"task '{self.name}': mean and basis must be finite")
         if not (self.lower <= self.upper).all():
             raise SetupError(f"task '{self.name}': a lower end of a range is above its upper one")
-        if np.linalg.matrix_rank(self.basis) < self.basis.shape[1]:
-            raise SetupError(f"task '{self.name}': its synergies are not independent")
+        k = self.basis.shape[1]
+        if not k or np.linalg.matrix_rank(self.basis) < k:
+            raise SetupError(f"task '{self.name}': its synergies are none or not independent")
+        super().check(kin)
 
     def evaluate(self, kin: ExtendedKinematics, target: Array | None, out: TaskRows) -> None:
         q = kin.robot.q
