@@ -15,7 +15,7 @@ from wbc.recording import Log
 from wbc.robot.hand import Hand
 from wbc.robot.model import load_robot
 from wbc.robot.self_distances import self_distances
-from wbc.synergies import Synergies, tables, weights_of
+from wbc.synergies import Synergies, read_postures, tables, weights_of
 
 T = tables()
 HAND = Synergies.from_table()
@@ -33,6 +33,10 @@ def table(path, values, names=None, unit="deg", joints=T.joints):
 
 def grasps(*names):
     return np.rad2deg(HAND.posture(np.stack([weights_of(name) for name in names])))
+
+
+def right_hand():
+    return Hand.of(load_robot(resources.find("urdf", "dexmart_hand_right")), T.joints)
 
 
 @pytest.fixture
@@ -95,7 +99,14 @@ def test_tables_are_computed_and_written_whole(here, capsys):
     assert np.abs(fitted.basis - T.basis).max() < 6e-3  # one printed entry has two digits swapped
     assert np.abs(np.rad2deg(fitted.mean) - T.mean).max() < 0.05
     assert abs(fitted.explained[2] - 0.8503) < 1e-4
+    commanded = read_postures("out/commanded.csv", T.joints)
+    alpha = np.stack([weights_of(name) for name in commanded.names])
+    assert np.abs(commanded.values - HAND.command(alpha)).max() < 1e-6
+    nearest = self_distances(right_hand(), commanded.values)
+    found = [data["self_distance"][name]["mm"] for name in commanded.names]
+    assert np.abs(np.array(found) - [1e3 * near.distance for near in nearest]).max() < 2e-3
     assert main(["synergy", "project", "out/postures.csv"]) == 0
+    assert "thumb_med is clipped by +23.3 deg" in capsys.readouterr().out  # C34, below its range
 
 
 def test_the_reach_ends_in_the_commanded_posture(here, capsys):
@@ -115,6 +126,9 @@ def test_a_posture_that_was_shown_is_taken(here, capsys):
     assert main(["synergy", "grasp", f"{path}:mug", "--path", "smooth"]) == 0
     log = Log.load("runs/synergy_mug/log.npz")
     order = [log.joint_names.index(joint) for joint in T.joints]
+    at = int(np.argmin(np.abs(log.t - 0.75)))  # a tenth of the way to the open hand, not a quarter
+    here = HAND.project(log.q[at, order]) / HAND.project(np.zeros(15))
+    assert np.abs(here - 0.1035).max() < 0.06
     goal = HAND.command(HAND.project(np.deg2rad(shown)))
     assert np.abs(log.q[-1, order] - goal).max() < 1e-6
 
@@ -173,16 +187,16 @@ def test_any_name_of_a_file_is_taken(here):
     assert main(["synergy", "grasp", "zero_offset", *given]) == 0
 
 
-def test_the_limits_of_the_robot_count_where_synergies_know_no_ranges(here, capsys):
+@pytest.mark.parametrize(("weight", "side"), [(3.5, "above"), (-3.0, "below")])
+def test_the_limits_of_the_robot_count_where_synergies_know_no_ranges(here, capsys, weight, side):
     replace(HAND, lower=np.full(15, -np.inf), upper=np.full(15, np.inf)).save("hand.json")
-    path = table(here / "p.csv", HAND.mean + HAND.basis @ [3.5, 0.0, 0.0], unit="rad")
+    path = table(here / "p.csv", HAND.mean + HAND.basis @ [weight, 0.0, 0.0], unit="rad")
     assert main(["synergy", "grasp", path, "--synergies", "hand.json", "--out", "out"]) == 0
     said = capsys.readouterr().out
     log = Log.load("out/log.npz")
     order = [log.joint_names.index(joint) for joint in T.joints]
-    hand = Hand.of(load_robot(resources.find("urdf", "dexmart_hand_right")), T.joints)
-    (near,) = self_distances(hand, log.q[-1:, order])
-    assert "above its range" in said
+    (near,) = self_distances(right_hand(), log.q[-1:, order])
+    assert f"{side} its range" in said
     assert near_text(near) in said
 
 

@@ -189,6 +189,18 @@ def test_posture_takes_weights_that_leave_the_limits(files: Write) -> None:
     assert not lines(files, text.replace("C27", "[200 deg, 0, 0]"))
 
 
+def test_a_posture_keeps_to_the_robots_limits_where_the_synergies_know_none(
+    files: Write, tmp_path: Path
+) -> None:
+    unknown = np.full(15, np.inf)
+    replace(HAND, lower=-unknown, upper=unknown).save(tmp_path / "free.json")
+    text = TEXT.replace(TASK, TASK.replace("gain", "synergies: free.json, measure: posture, gain"))
+    assembly = built(files, text.replace("C27", "open"))
+    task, model = task_of(assembly), assembly.model
+    assert_array_equal(task.lower, model.lower[task.joints])
+    assert_array_equal(task.upper, model.upper[task.joints])
+
+
 def test_without_weights_the_hand_stays_where_it_starts(files: Write) -> None:
     assembly = built(files, TEXT)
     task = task_of(assembly)
