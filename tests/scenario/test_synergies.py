@@ -250,3 +250,8 @@ def test_check_says_where_a_phase_leads_a_hand(capsys: pytest.CaptureFixture[str
     out = capsys.readouterr().out
     assert "leads shape to -133.4, 3.492, -5.871 deg" in out
     assert "leads shape to 75.9, 19.8, -68 deg" in out and "ready to run" in out
+    assert "clipped to the hand's ranges: thumb_abd +3.5 deg, thumb_med -5.3 deg" in out
+    free = ["tasks.shape.measure=weights", "phases.close.weights.shape=C34"]
+    assert main(["check", "synergy_reach", *(f"--set={setting}" for setting in free)]) == 0
+    out = capsys.readouterr().out
+    assert "warning: leaves the hand's ranges: thumb_med -23.3 deg, little_med -0.3 deg (" in out

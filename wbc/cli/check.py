@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from textwrap import wrap
 
 import numpy as np
 
+from wbc.arrays import Array
 from wbc.cli.progress import SlowNotice
 from wbc.cli.session import fault_lines, load_with_settings
 from wbc.contact.grasp import ContactMode, GraspClass
@@ -19,9 +20,11 @@ from wbc.robot.model import RobotModel
 from wbc.robot.pruning import PairReport
 from wbc.scenario.build import Assembly, build
 from wbc.scenario.build_costs import safety_distance
+from wbc.tasks import Synergy
 
 _NEAREST = 5  # pairs listed with their distance
 _WIDTH = 96
+_NOTICED = 0.05  # a joint out of its range by less is not told, [deg]
 
 
 def check_command(arguments: argparse.Namespace) -> int:
@@ -162,6 +165,7 @@ def _phases(assembly: Assembly, rehearsal: Rehearsal) -> Iterable[str]:
         for task, goal, _ in phase.task_motions:
             weights = ", ".join(f"{x:.4g}" for x in np.rad2deg(goal))
             yield f"   leads {assembly.controller.task_names[task]} to {weights} deg"
+            yield from _beyond(assembly, task, goal)
         stage = stages.get(phase.name)
         if stage is None:
             yield f"   not rehearsed: it stops {'at a fault' if failed else f'after {LONGEST:g} s'}"
@@ -187,6 +191,23 @@ def _phases(assembly: Assembly, rehearsal: Rehearsal) -> Iterable[str]:
 
 def _grasp_fingers(assembly: Assembly) -> tuple[str, ...]:
     return assembly.controller.law.kin.grasp.fingers
+
+
+def _beyond(assembly: Assembly, index: int, weights: Array) -> Iterator[str]:
+    """Which joints the posture of a synergy task's weights takes out of the hand's own ranges."""
+    task = assembly.controller.law.stack.tasks[index]
+    assert isinstance(task, Synergy)  # phases lead no other
+    posture = task.mean + task.basis @ weights
+    excess = np.rad2deg(posture - np.clip(posture, task.lower, task.upper))
+    names = [assembly.model.joint_names[k] for k in task.joints]
+    far = [f"{names[j]} {excess[j]:+.1f} deg" for j in np.flatnonzero(np.abs(excess) > _NOTICED)]
+    if far and task.measure == "posture":
+        yield f"   clipped to the hand's ranges: {', '.join(far)}"
+    elif far:
+        yield (
+            f"   warning: leaves the hand's ranges: {', '.join(far)} "
+            "(measure: posture commands the clipped posture)"
+        )
 
 
 def _ends(phase: Phase) -> str:
