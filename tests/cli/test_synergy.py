@@ -106,7 +106,7 @@ def test_tables_are_computed_and_written_whole(here, capsys):
     found = [data["self_distance"][name]["mm"] for name in commanded.names]
     assert np.abs(np.array(found) - [1e3 * near.distance for near in nearest]).max() < 2e-3
     assert main(["synergy", "project", "out/postures.csv"]) == 0
-    assert "thumb_med is clipped by +23.3 deg" in capsys.readouterr().out  # C34, below its range
+    assert "thumb_med is 23.3 deg below its range: clipped" in capsys.readouterr().out  # C34
 
 
 def test_the_reach_ends_in_the_commanded_posture(here, capsys):
@@ -227,3 +227,33 @@ def test_another_hand_moves(here):
     other = ["--synergies", "hand.json", "--hand", "planar_bimanual"]
     assert main(["synergy", "show", "e1", *other]) == 0
     assert Log.load("runs/synergy_e1/log.npz").complete
+
+
+def test_weights_can_be_typed(here, capsys):
+    assert main(["synergy", "grasp", "75.9, 19.8,-68 deg", "--out", "typed"]) == 0
+    assert main(["synergy", "grasp", "C27", "--out", "named"]) == 0
+    assert "weights 75.9, 19.8, -68 deg" in capsys.readouterr().out
+    typed, named = Log.load("typed/log.npz"), Log.load("named/log.npz")
+    assert np.abs(typed.q - named.q).max() < 1e-12
+    for wrong in ("1,2", "1,2,x", "1,2,3,4", "1,2,nan", "1e9,2,3"):
+        assert main(["synergy", "grasp", wrong]) == 2
+        assert capsys.readouterr().err.startswith(f"'{wrong}'")
+
+
+def test_what_a_robot_lacks_is_told_with_the_remedy(here, capsys):
+    assert main(["synergy", "show", "e1", "--hand", "dual_arm"]) == 2
+    assert "(give --prefix left_ or right_)" in capsys.readouterr().err
+    assert main(["synergy", "show", "e1", "--hand", "planar_gripper"]) == 2
+    assert "(give another --hand)" in capsys.readouterr().err
+
+
+def test_fit_refuses_what_the_hand_cannot_have(here, capsys):
+    path = table(here / "p.csv", np.array([[10, 20], [20, 45], [30, 58]]), unit="",
+                 joints=("left_a_1", "left_a_2"))  # fmt: skip
+    given = ["fit", path, "--hand", "planar_bimanual", "--count", "1", "--out", "hand.json"]
+    assert main(["synergy", *given]) == 2
+    assert "looks like degrees" in capsys.readouterr().err
+    path = table(here / "q.csv", np.zeros((3, 2)), joints=("a", "b"))
+    assert main(["synergy", "fit", path, "--out", "hand.json"]) == 2
+    assert capsys.readouterr().err.startswith(f"{path}: 3 postures")
+    assert not (here / "hand.json").exists()

@@ -58,12 +58,12 @@ class Progress:
             self._written = 0
 
     def _line(self, record: TickRecord) -> str:
-        eps_f, eps_m = record.residuals
         share = min(100.0, 100.0 * record.t / self._duration)
-        return (
-            f"{self._phases[record.phase]:<12} {record.t:6.2f} s {share:3.0f} %"
-            f"   eps_f {eps_f:.1e}   eps_m {eps_m:.1e}"
-        )
+        line = f"{self._phases[record.phase]:<12} {record.t:6.2f} s {share:3.0f} %"
+        if not len(record.mode):
+            return line
+        eps_f, eps_m = record.residuals
+        return f"{line}   eps_f {eps_f:.1e}   eps_m {eps_m:.1e}"
 
     def _show(self, line: str) -> None:
         if not self._terminal:

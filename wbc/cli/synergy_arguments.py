@@ -41,7 +41,8 @@ def add_synergy(
     grasp = add("grasp", "motion", "the reach to grasp: from the zero offset, open, close")
     grasp.add_argument(
         "grasp", metavar="GRASP",
-        help="C1 to C36, G1 to G5, open, zero_offset, or POSTURE.csv, with :NAME for a row of it",
+        help="C1 to C36, G1 to G5, open, zero_offset; weights in deg, as 75.9,19.8,-68 (after -- "
+        "where the first is negative); or POSTURE.csv, with :NAME for one of several rows",
     )  # fmt: skip
     grasp.add_argument(
         "--path", choices=("linear", "smooth"), default="linear",

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from wbc.arrays import Array
+from wbc.errors import WbcError
 from wbc.robot.hand import Hand
 from wbc.robot.self_distances import SelfDistance
 from wbc.scenario.places import robot_file
@@ -27,17 +28,16 @@ def project_command(arguments: argparse.Namespace) -> int:
     back = synergies.posture(weights)
     width = max(len(name) for name in (*postures.names, "posture"))
     heads = "".join(f"{f'alpha_{j + 1}':>9}" for j in range(synergies.count))
-    print(f"{'posture':{width}}{heads}     e [deg]  largest error")
+    print(f"weights and errors in deg; e is the error's length over {len(synergies.joints)} joints")
+    print(f"{'posture':{width}}{heads}{'e':>9}  farthest joint")
     for name, alpha, given, reached in zip(
         postures.names, weights, postures.values, back, strict=True
     ):
         error = np.rad2deg(given - reached)
-        worst = int(np.abs(error).argmax())
         print(
             f"{name:{width}}"
             + "".join(f"{value:9.2f}" for value in np.rad2deg(alpha))
-            + f"{np.linalg.norm(error) / len(error):12.2f}"
-            + f"  {synergies.joints[worst]} {error[worst]:+.1f} deg"
+            + f"{np.linalg.norm(error) / len(error):9.2f}  {farthest(synergies, given, reached)}"
         )
         for line in _clipped(synergies, reached):
             print(f"{'':{width}}  {line}")
@@ -48,9 +48,16 @@ def fit_command(arguments: argparse.Namespace) -> int:
     """Find synergies (52) and save them."""
     postures = read_postures(arguments.postures, unit=arguments.unit)
     lower, upper = _ranges(arguments, postures.joints)
-    synergies = Synergies.fit(
-        postures.values, postures.joints, count=arguments.count, lower=lower, upper=upper
-    )
+    if lower is not None:  # known only now: values that the hand cannot have are refused
+        postures = read_postures(
+            arguments.postures, postures.joints, unit=arguments.unit, lower=lower, upper=upper
+        )
+    try:
+        synergies = Synergies.fit(
+            postures.values, postures.joints, count=arguments.count, lower=lower, upper=upper
+        )
+    except WbcError as error:
+        raise WbcError(f"{arguments.postures}: {error}") from None
     synergies.save(arguments.out)
     _say_saved(synergies, f"{len(postures.names)} postures of", arguments.out)
     return 0
@@ -76,6 +83,12 @@ def synergies_of(arguments: argparse.Namespace) -> Synergies:
 def hand_of(arguments: argparse.Namespace, joints: tuple[str, ...]) -> Hand:
     """The hand of ``--hand`` and ``--prefix``."""
     model = read_robot(robot_file(arguments.hand, Path()))
+    names = model.joint_names
+    if not any(arguments.prefix + joint in names for joint in joints):
+        ends = {n.removesuffix(joints[0]) for n in names if n.endswith(joints[0])}
+        remedy = f"--prefix {' or '.join(sorted(ends))}" if ends else "another --hand"
+        raise WbcError(f"{model.path}: no joint '{arguments.prefix + joints[0]}' nor any other of "
+                       f"the synergies' (give {remedy})")  # fmt: skip
     return Hand.of(model, joints, arguments.prefix)
 
 
@@ -109,10 +122,22 @@ def postures_of(path: str, unit: str | None, synergies: Synergies) -> Postures:
 def _clipped(synergies: Synergies, posture: Array) -> list[str]:
     excess = synergies.excess(posture)
     return [
-        f"{joint} is clipped by {np.rad2deg(-excess[j]):+.1f} deg"
+        f"{joint} is {np.rad2deg(abs(excess[j])):.1f} deg {beyond(excess[j])}: clipped"
         for j, joint in enumerate(synergies.joints)
         if abs(excess[j]) > NOTICED
     ]
+
+
+def beyond(excess: float) -> str:
+    """On which side of its range a joint is."""
+    return "above its range" if excess > 0.0 else "below its range"
+
+
+def farthest(synergies: Synergies, given: Array, reached: Array) -> str:
+    """The joint (n,) of a posture [rad] that is reached worst, and by how much it misses."""
+    error = np.rad2deg(given - reached)
+    worst = int(np.abs(error).argmax())
+    return f"{synergies.joints[worst]} {error[worst]:+.1f}" if abs(error[worst]) > 0.05 else "-"
 
 
 def _say_saved(synergies: Synergies, what: str, out: str) -> None:

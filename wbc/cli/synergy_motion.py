@@ -15,6 +15,8 @@ from wbc.cli.run import run_command
 from wbc.cli.synergy_arguments import DEFAULT_HAND
 from wbc.cli.synergy_files import (
     NOTICED,
+    beyond,
+    farthest,
     hand_of,
     near_text,
     postures_of,
@@ -31,20 +33,23 @@ from wbc.synergies import Reach, Synergies
 
 _REACH = "synergy_reach"
 _FILE = re.compile(r"(.*?\.csv)(?::(.*))?", re.IGNORECASE)
+_LARGEST = 100.0  # of a weight that is typed, [rad]
 _LONGEST = 60  # of what a folder is called after
 
 
 def grasp_command(arguments: argparse.Namespace) -> int:
     """Tell a grasp and where the way to it is clipped, then run the reach."""
     hand, synergies = _hand(arguments)
-    name, weights = _grasp(arguments, synergies)
+    name, weights, shown = _grasp(arguments, synergies)
     reach = Reach.to(synergies, weights, law=arguments.path)
     print(f"{name}: weights {_degrees(weights)} deg")
     for joint, start, end, excess in reach.beyond():
         if abs(excess) > NOTICED:
-            where = "above" if excess > 0.0 else "below"
-            print(f"  {joint} would go {abs(np.rad2deg(excess)):.1f} deg {where} its range, "
+            print(f"  {joint} would go {abs(np.rad2deg(excess)):.1f} deg {beyond(excess)}, "
                   f"{start:.2f} to {end:.2f} s: clipped")  # fmt: skip
+    if shown is not None:
+        missed = farthest(synergies, shown, synergies.command(weights))
+        print(f"  farthest from what was shown: {missed} deg")
     (near,) = self_distances(hand, synergies.command(weights)[None])
     print(f"  {near_text(near)}")
     settings = [
@@ -86,8 +91,8 @@ def _hand(arguments: argparse.Namespace) -> tuple[Hand, Synergies]:
     return hand, within_limits(synergies, hand)
 
 
-def _grasp(arguments: argparse.Namespace, synergies: Synergies) -> tuple[str, Array]:
-    """A grasp's name and its weights (k,), [rad]."""
+def _grasp(arguments: argparse.Namespace, synergies: Synergies) -> tuple[str, Array, Array | None]:
+    """A grasp's name, its weights (k,) and the posture (n,) that was shown, if one was, [rad]."""
     asked: str = arguments.grasp
     if (file := _FILE.fullmatch(asked)) is not None:
         path, row = file.groups()
@@ -99,12 +104,26 @@ def _grasp(arguments: argparse.Namespace, synergies: Synergies) -> tuple[str, Ar
         name = row or postures.names[0]
         if name not in postures.names:
             raise WbcError(f"{path}: no posture '{name}'{did_you_mean(name, postures.names)}")
-        return name, synergies.project(postures.values[postures.names.index(name)])
+        shown = postures.values[postures.names.index(name)]
+        return name, synergies.project(shown), shown
+    if "," in asked:
+        return "weights", _typed(asked, synergies), None
     published = arguments.synergies is None
     names = known_names(published=published)
     if asked not in names:
         raise UnknownNameError("grasp", asked, ("POSTURE.csv", *names))
-    return asked, weights_named(asked, synergies, published=published)
+    return asked, weights_named(asked, synergies, published=published), None
+
+
+def _typed(text: str, synergies: Synergies) -> Array:
+    """Weights (k,) as ``wbc synergy project`` prints them, in degrees; [rad]."""
+    try:
+        weights = np.deg2rad([float(part) for part in text.removesuffix("deg").split(",")])
+    except ValueError:
+        raise WbcError(f"'{text}' are no weights: write numbers in deg, as 75.9,19.8,-68") from None
+    if len(weights) != synergies.count or not (np.abs(weights) <= _LARGEST).all():
+        raise WbcError(f"'{text}': {synergies.count} weights are needed, in deg")
+    return weights
 
 
 def _number(name: str, synergies: Synergies) -> int:

@@ -41,8 +41,8 @@ def plot(log: Log, out_dir: str | os.PathLike[str]) -> list[Path]:
     """Draw every plot of a run as PNG into a folder, which is made if it is missing.
 
     Returns:
-        The files: ``object_error``, ``residuals``, ``tasks``, ``stack``, ``motion``, ``safety``,
-        and where contact forces were planned ``forces``.
+        The files: where fingers touch an object ``object_error`` and ``residuals``; ``tasks``,
+        ``stack``, ``motion``, ``safety``; and where contact forces were planned ``forces``.
 
     Raises:
         WbcError: nothing was recorded, or a file cannot be written.
@@ -57,6 +57,8 @@ def plot(log: Log, out_dir: str | os.PathLike[str]) -> list[Path]:
         "motion": motion,
         "safety": safety,
     }
+    if not log.contact_names:
+        del figures["object_error"], figures["residuals"]  # there is no object
     if log.plans_forces:
         figures["forces"] = forces
     files = []

@@ -63,7 +63,8 @@ class Picture:
         turned = (vertices @ pose[:3, :3].T + pose[:3, 3]) @ axes.T
         smooth = vertex_normals(turned, triangles)
         corners = turned[triangles]
-        corners[..., :2] = (corners[..., :2] - self._low) / self._step - 0.5  # rays at integers
+        with np.errstate(invalid="ignore"):  # a vertex that is no number: its faces are left out
+            corners[..., :2] = (corners[..., :2] - self._low) / self._step - 0.5  # rays at integers
         low, high = corners[..., :2].min(axis=1), corners[..., :2].max(axis=1)
         limit = np.array(self._depth.shape[::-1]) - 1
         known = np.isfinite(corners).all(axis=(1, 2))

@@ -26,7 +26,7 @@ from wbc.synergies.reading import (
 )
 
 _MOST_LINES: Final = 100_000
-_NAMES: Final = "posture"
+_NAMES: Final = ("posture", "name", "time")
 _BEYOND: Final = 1.0
 """How far outside its range a posture's joint may be, [rad]: a recording is noisy and a projected
 posture is up to 23° outside; what is further out has the wrong unit."""
@@ -70,9 +70,9 @@ def read_postures(
 ) -> Postures:
     """Read a table of postures.
 
-    The header names the joints, in any order, after a first column ``posture`` with names, which
-    may be missing. Radians, unless `unit` or a line ``# unit: deg`` says otherwise; other lines
-    that start with ``#`` are comments.
+    The header names the joints, in any order, after a first column ``posture``, ``name`` or
+    ``time`` that says which row is which, and may be missing. Radians, unless `unit` or a line
+    ``# unit: deg`` says otherwise; other lines that start with ``#`` are comments.
 
     Args:
         joints: (n,) those that the file must have, and their order in the result; those of the
@@ -91,7 +91,7 @@ def read_postures(
     declared, rows = _split(name, text)
     head_line, header = next(rows, (1, []))
     columns = [cell.strip() for cell in header]
-    named = bool(columns) and columns[0] == _NAMES
+    named = bool(columns) and columns[0].lower() in _NAMES
     columns = columns[1:] if named else columns
     _check_columns(f"{name}:{head_line}", columns, joints)
     order = tuple(columns if joints is None else joints)
@@ -137,6 +137,9 @@ def _check_columns(place: str, columns: list[str], joints: Sequence[str] | None)
         raise WbcError(f"{place}: {trouble} (the header row has one name for each joint)")
     faults: list[str] = []
     if joints is not None:
+        if not set(columns) & set(joints):
+            raise WbcError(f"{place}: none of the joints {_listed(list(joints))} has a column "
+                           f"({shown(columns[0])} and so on are another hand's?)")  # fmt: skip
         faults += [
             f"{place}: no joint is called '{shown(c)}'{did_you_mean(shown(c), joints)}"
             for c in columns

@@ -88,7 +88,8 @@ def _parsed(text: str, name: str) -> dict[str, Any]:
         )
     except json.JSONDecodeError as error:
         raise WbcError(
-            f"{name}:{error.lineno}: not JSON: {shown(error.msg)}; is the file complete?"
+            f"{name}:{error.lineno}: not JSON: {shown(error.msg)}; is the file complete? "
+            "(wbc synergy fit makes one of a table of postures)"
         ) from None
     except RecursionError:
         raise _Fault("nested too deeply; this is no file of synergies") from None

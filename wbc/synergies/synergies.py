@@ -20,7 +20,7 @@ _LARGEST: Final = 1e6
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Synergies:
     """A hand's postures as c = c̄ + Ê α (55).
 
