@@ -18,6 +18,7 @@ Place = tuple[Array, Array]
 _WINDOW = 1.2  # width over height of a window's free part
 _LEAST = 1e-3  # [m]
 _ASIDE, _ABOVE = np.deg2rad(18.0), np.deg2rad(24.0)  # of the eye, seen from the object
+_MOVES = 1.25  # of a robot without an object, of which only the start is known
 _ROOM = 1.8  # of the hands behind the fingertips, and of where they go
 
 
@@ -70,7 +71,7 @@ def frame(
     if model.planar:  # seen from above: only x and y count
         return Framing((x, y, 0.0), _filling(high[:2] - low[:2]), towards, floor)
     if not close:
-        extent = max(0.5 * float(np.linalg.norm(high - low)), _LEAST)
+        extent = max(_MOVES * 0.5 * float(np.linalg.norm(high - low)), _LEAST)
         return Framing((x, y, z), extent, towards, floor)
     right = np.cross((0.0, 0.0, 1.0), towards)
     right /= np.linalg.norm(right)

@@ -37,6 +37,7 @@ const wbc = (() => {
     time = row("", "time", "");
     error = row("", "object error", "");
     eps = [row("", "ε force", ""), row("", "ε moment", "")];
+    if (!info.contacts.length) [error, ...eps].forEach((e) => { e.parentElement.hidden = true; });
     distance = row("", "nearest distance", "");
     status = row("", "status", "");
     phases = section("phase", info.phases, "phase");
