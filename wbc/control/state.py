@@ -36,13 +36,17 @@ class Status(IntFlag):
 
 
 class Measurement(NamedTuple):
-    """What the robot reports. The first stage runs on its own references and only checks these.
+    """What the robot reports. The first stage runs on its own references and only checks `q`.
 
     Attributes:
         q: (nv,) measured joint positions, [rad] or [m].
+        v: (nv,) measured joint velocities; None where nothing is measured but positions.
+        force: (N, 3) force of each fingertip on the object, world axes [N]; None likewise.
     """
 
     q: Array
+    v: Array | None = None
+    force: Array | None = None
 
 
 class PhaseState(NamedTuple):
