@@ -23,6 +23,7 @@ from wbc.scenario.blocks import (
     Text,
     Vector3,
 )
+from wbc.scenario.disturbance_blocks import Disturbances
 from wbc.scenario.force_blocks import Contents, Forces, Inertia3
 from wbc.scenario.kinds import AnyCost, AnySurface, AnyTask
 from wbc.scenario.units import (
@@ -220,6 +221,9 @@ class Simulation(Block):
     seed: Count = 0
     rehearse: Flag = Field(
         default=False, description="before it moves, a run goes through the phases quickly"
+    )
+    disturbances: Disturbances | None = Field(
+        default=None, description="what is wrong on purpose, drawn by the seed"
     )
 
 

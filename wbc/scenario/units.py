@@ -31,6 +31,7 @@ class Unit(NamedTuple):
 UNITS: Final[dict[str, Unit]] = {
     "rad": Unit("angle"),
     "deg": Unit("angle", math.pi / 180.0),
+    "mrad": Unit("angle", per=1000.0),
     "m": Unit("length"),
     "cm": Unit("length", per=100.0),
     "mm": Unit("length", per=1000.0),
@@ -64,6 +65,7 @@ UNITS: Final[dict[str, Unit]] = {
     "g/cm^3": Unit("density", 1000.0),
     "Nm": Unit("torque"),
     "mNm": Unit("torque", per=1000.0),
+    "%": Unit("share", per=100.0),
 }
 
 EXAMPLES: Final[dict[str, str]] = {
@@ -81,6 +83,7 @@ EXAMPLES: Final[dict[str, str]] = {
     "inertia": "1e-4 kg m^2",
     "density": "1000 kg/m^3",
     "torque": "0.5 Nm",
+    "share": "30 %",
 }
 
 SHARED: Final = "x-quantity"
@@ -211,7 +214,7 @@ class Quantity:
         forms = [number, _text_schema(self.dimension)]
         if self.off is not None:
             forms.append({"const": self.off})
-        limits = {"above": self.above, "from": self.least}
+        limits = {"above": self.above, "from": self.least, "to": self.most}
         name = "-".join(f"{word}-{b:g}" for word, b in limits.items() if b is not None)
         name = "-".join(filter(None, [self.dimension.replace(" ", "-"), name, self.off]))
         return {SHARED: name, "anyOf": forms, "examples": [EXAMPLES[self.dimension]]}
