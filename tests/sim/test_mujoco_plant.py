@@ -119,6 +119,25 @@ def test_tips_that_slide_on_purpose_may_have_another_friction(tmp_path: Path) ->
     assert made.model.geom_friction[made.pad_geom, 0] == pytest.approx([0.8, 0.8, 0.8])
 
 
+def test_pushes_move_the_object_and_lost_contacts_bear_nothing(tmp_path: Path) -> None:
+    none = np.zeros(3, dtype=np.bool_)
+    plant = MujocoPlant(model(stools(tmp_path), TIPS, com=(0.02, 0.0, 0.0), inertia=[1e-3] * 3))
+    plant.reset(np.zeros(3), np.zeros(3), FAR, np.eye(3))
+    plant.disturb(np.array([0.0, 3.0, 0.3 * GRAVITY]), none)
+    for _ in range(5):
+        seen = plant.step(GRAVITY * MASSES, TICK)
+    spin = plant.data.qvel[-3:]  # about the centre of mass, 2 cm ahead of where it is pushed
+    assert spin == pytest.approx([0.0, 0.3 * GRAVITY * 0.02 / 1e-3 * 0.01, -0.6], rel=0.01)
+    plant.reset(np.zeros(3), np.zeros(3), ON_TOP, np.eye(3))
+    seen = _held(plant, seen, 1)
+    plant.disturb(np.zeros(3), np.array([True, False, False]))
+    seen = _held(plant, seen, 20)
+    assert seen.object_rotation[2, 0] < -1e-3  # it tips over
+    assert not seen.force[0].any()
+    plant.reset(np.zeros(3), np.zeros(3), ON_TOP, np.eye(3))
+    assert _held(plant, seen, 100).force[:, 2].min() > 0.25
+
+
 def test_two_runs_are_the_same_to_the_bit(tmp_path: Path) -> None:
     """One plant reset, and another one of the same model."""
     made = model(stools(tmp_path), TIPS)

@@ -24,7 +24,8 @@ from wbc.sim.mujoco_shapes import add_object, add_shape, mujoco
 
 OBJECT, FIXTURE, TABLE = "object", "fixture", "table"
 """Names of bodies and geoms beside those of the robot."""
-_OBJECT_BIT, _TABLE_BIT, _FIRST_HAND = 1, 2, 4
+OBJECT_BIT, _TABLE_BIT, _FIRST_HAND = 1, 2, 4
+"""What a geom is, as bits; its conaffinity says what it collides with."""
 _MOST_HANDS = 24
 _HARD = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # as near to rigid as MuJoCo takes it
 _STIFFER = 1e-6
@@ -144,7 +145,7 @@ def build_mujoco(
     hand = _hand_of_joints(robot, tips)
     _shapes(mj, spec, robot, bodies, hand, _last_joints(robot, tips))
     _pads(mj, robot, bodies, tips, pads, hand, physics.friction, settings)
-    add_object(mj, spec, OBJECT, surface, body, _OBJECT_BIT)
+    add_object(mj, spec, OBJECT, surface, body, OBJECT_BIT)
     friction = float(np.max(physics.friction, initial=0.0)) or 1.0
     spec.geom(OBJECT).friction = [friction, settings.torsion, 1e-4]
     _fixture(mj, spec)
@@ -262,7 +263,7 @@ def _bits(hand: int, *, touches_object: bool) -> tuple[int, int]:
     """What a part of a hand is, and what it collides with."""
     own = _FIRST_HAND << hand
     others = (_FIRST_HAND << _MOST_HANDS) - _FIRST_HAND - own
-    return own, others | _TABLE_BIT | (_OBJECT_BIT if touches_object else 0)
+    return own, others | _TABLE_BIT | (OBJECT_BIT if touches_object else 0)
 
 
 def _shapes(
@@ -315,7 +316,7 @@ def _fixture(mj: Any, spec: Any) -> None:
 def _table(mj: Any, spec: Any, top: float, friction: float, settings: MujocoSettings) -> None:
     table = spec.worldbody.add_geom(name=TABLE, type=mj.mjtGeom.mjGEOM_BOX)
     table.size, table.pos = [1.0, 1.0, 0.02], [0.0, 0.0, top - 0.02]
-    table.contype, table.conaffinity = _TABLE_BIT, _OBJECT_BIT
+    table.contype, table.conaffinity = _TABLE_BIT, OBJECT_BIT
     table.friction = [friction, settings.torsion, 1e-4]
     table.solref, table.solimp = settings.solref, settings.solimp
 

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from wbc.arrays import Array, BoolArray, IntArray
 from wbc.contact.grasp import ContactMode
-from wbc.sim.mujoco_model import MujocoModel, wxyz
+from wbc.sim.mujoco_model import OBJECT_BIT, MujocoModel, wxyz
 from wbc.sim.mujoco_shapes import mujoco
 from wbc.sim.plant import Plant, Sensed
 
@@ -66,6 +66,7 @@ class MujocoPlant(Plant):
         self._slip[:] = 0.0
         self._lost = False
         self.treat(np.full(len(self._hold), ContactMode.FIXED))
+        self.disturb(np.zeros(3), np.zeros(len(self._hold), dtype=np.bool_))
         self._mj.mj_forward(self.model, data)
         return self._sensed(0.0)
 
@@ -78,6 +79,21 @@ class MujocoPlant(Plant):
     def release(self) -> None:
         """Let the fixture go of the object."""
         self.data.eq_active[self._map.fixture] = False
+
+    def disturb(self, push: Array, lost: BoolArray) -> None:
+        """What happens from now on, until it is said anew or `reset`.
+
+        Args:
+            push: (3,) force on the object at its origin, world axes [N].
+            lost: (N,) contacts that bear nothing: their tips go through the object.
+        """
+        where, data = self._map, self.data
+        body = where.object_body
+        arm = data.xpos[body] - data.xipos[body]
+        data.xfrc_applied[body] = [*push, *np.cross(arm, push)]
+        gone = where.pad_geom[lost]
+        self.model.geom_conaffinity[where.pad_geom] = where.model.geom_conaffinity[where.pad_geom]
+        self.model.geom_conaffinity[gone] &= ~OBJECT_BIT
 
     def step(self, tau: Array, dt: float) -> Sensed:
         """See `Plant.step`: as few physics steps of equal length as keep to the model's largest."""

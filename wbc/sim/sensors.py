@@ -3,70 +3,54 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
 from wbc.arrays import Array
 from wbc.control.state import Measurement
+from wbc.sim.disturbances import Disturbance
 from wbc.sim.plant import Sensed
 
 
 @final
-@dataclass(frozen=True)
-class SensorSettings:
-    """How bad the sensors are; all zero: perfect ones.
+class Sensors:
+    """The sensors of one run, read once a tick.
 
-    Attributes:
-        position: standard deviation of each joint's reading, [rad] or [m].
-        velocity: of each joint's speed, [rad/s] or [m/s].
-        force: of each component of each tip's force, [N].
-        force_gain: the same as a part of the component itself.
-        delay: age of what is seen, [s]; rounded to ticks.
-        dropout: chance that a tick's reading is lost, and the one before it seen again.
-        seed: of all of it.
+    Each joint and each fingertip is a sensor of its own. Where a sample is lost, the one before it
+    is seen again. Forces are as old as the delay, rounded to ticks; before that the first is seen.
     """
 
-    position: float = 0.0
-    velocity: float = 0.0
-    force: float = 0.0
-    force_gain: float = 0.0
-    delay: float = 0.0
-    dropout: float = 0.0
-    seed: int = 0
-
-
-@final
-class Sensors:
-    """The sensors of one run, read once a tick."""
-
-    def __init__(self, settings: SensorSettings, dt: float) -> None:
+    def __init__(self, disturbance: Disturbance, dt: float) -> None:
         """
         Args:
+            disturbance: of which the noise, the delay, the dropout and their seed count here.
             dt: the tick [s].
         """
-        self._settings = settings
-        self._wait = round(settings.delay / dt)
+        self._given = disturbance
+        self._wait = round(disturbance.delay / dt)
         self.reset()
 
     def reset(self) -> None:
         """Begin anew: the same truth gives the same readings again."""
-        self._random = np.random.default_rng(self._settings.seed)
-        self._on_the_way: deque[Measurement] = deque(maxlen=self._wait + 1)
+        self._random = np.random.default_rng(self._given.seed)
+        self._forces: deque[Array] = deque(maxlen=self._wait + 1)
         self._seen: Measurement | None = None
 
     def read(self, truth: Sensed) -> Measurement:
-        """What is seen when this is true. In the first ticks of a delay: the first reading."""
-        settings, draw = self._settings, self._random.standard_normal
-        scatter: Array = np.hypot(settings.force, settings.force_gain * truth.force)
-        reading = Measurement(
-            truth.q + settings.position * draw(truth.q.shape),
-            truth.v + settings.velocity * draw(truth.v.shape),
-            truth.force + scatter * draw(truth.force.shape),
-        )
-        self._on_the_way.append(reading)
-        lost = self._random.random() < settings.dropout
-        if self._seen is None or not lost:
-            self._seen = self._on_the_way[0]
+        """What is seen when this is true."""
+        given, draw = self._given, self._random.standard_normal
+        q = truth.q + given.joint_noise * draw(truth.q.shape)
+        v = truth.v + given.velocity_noise * draw(truth.v.shape)
+        scale = 1.0 + given.force_noise * draw(truth.force.shape)
+        force = scale * truth.force + given.force_floor * draw(truth.force.shape)
+        self._forces.append(force)
+        force = self._forces[0]
+        joints = self._random.random(len(q)) < given.dropout
+        tips = self._random.random(len(force)) < given.dropout
+        last = self._seen
+        if last is not None and last.v is not None and last.force is not None:
+            q, v = np.where(joints, last.q, q), np.where(joints, last.v, v)
+            force = np.where(tips[:, None], last.force, force)
+        self._seen = Measurement(q, v, force)
         return self._seen
