@@ -1,0 +1,87 @@
+"""A robot driven by torques: both stages, once per tick, on what an engine makes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.arrays import Array
+from wbc.control.controller import Controller
+from wbc.control.force_control import ForceControl, Goal, TorqueState
+from wbc.control.set_points import SetPoints
+from wbc.control.state import ControllerState, DynamicsRecord, Measurement, TickRecord
+from wbc.sim.compliant import CompliantPlant
+from wbc.sim.plant import Plant
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """What a run under torques needs beside the controller.
+
+    Attributes:
+        plant: robot and object.
+        second: the second stage.
+        set_points: planned forces where no optimizer plans them.
+        held: torques are held over the tick; else they are a function of the state in every
+            evaluation of the compliant plant, as in the chapter's simulation.
+    """
+
+    plant: Plant
+    second: ForceControl
+    set_points: SetPoints
+    held: bool = True
+
+
+def run(
+    controller: Controller, state: ControllerState, ticks: int, dynamics: Dynamics
+) -> Iterator[tuple[TickRecord, ControllerState]]:
+    """Step a controller on a robot that its torques move.
+
+    The plant begins at rest at the controller's references, the object where it should be.
+
+    Yields:
+        Each tick's record, with what was measured, and the state after it.
+    """
+    plant, second, dt = dynamics.plant, dynamics.second, controller.settings.dt
+    start = controller.law.kin.start
+    sensed = plant.reset(state.q, np.zeros(len(state.q)), start.position, start.rotation)
+    torques, mode = second.init(), np.full(controller.law.kin.grasp.count, -1)
+    for _ in range(ticks):
+        record, state = controller.step(state, Measurement(sensed.q))
+        if not np.array_equal(mode, record.mode):
+            mode = record.mode
+            plant.treat(mode)
+        goal = _goal(record, state, dynamics.set_points)
+        command, torques = second.step(torques, goal, sensed.measurement, dt)
+        yield record._replace(dynamics=DynamicsRecord(
+            command.tau, sensed.force, goal.force, sensed.object_position, sensed.object_rotation,
+            sensed.slip, sensed.q, sensed.v, int(command.status),
+        )), state  # fmt: skip
+        if dynamics.held or not isinstance(plant, CompliantPlant):
+            sensed = plant.step(command.tau, dt)
+        else:
+            sensed = plant.step_feedback(_Following(second, torques, goal), dt)
+
+
+def _goal(record: TickRecord, state: ControllerState, set_points: SetPoints) -> Goal:
+    """What the second stage is to follow in this tick."""
+    if record.forces is not None:
+        force = record.forces.force
+    else:
+        force = set_points.at(record, state.phase.motion)
+    arms = record.contact_points - record.object_position
+    return Goal(record.q, record.v, record.mode, arms, record.contact_normals, force)
+
+
+@dataclass(frozen=True)
+class _Following:
+    """The second stage between ticks, its reference moving on, its integrators standing."""
+
+    second: ForceControl
+    state: TorqueState
+    goal: Goal
+
+    def __call__(self, elapsed: float, measured: Measurement) -> Array:
+        return self.second.torques(self.state, self.goal, measured, elapsed)
