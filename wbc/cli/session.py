@@ -20,6 +20,7 @@ from wbc.scenario.build import Assembly
 from wbc.scenario.build_costs import safety_distance
 from wbc.scenario.schema import Scenario
 from wbc.scenario.wording import KeyPath
+from wbc.sim.dynamic import Dynamics
 
 LOG, SUMMARY, SCENARIO, ROBOT = "log.npz", "summary.json", "scenario.yaml", "robot.urdf"
 """Files of a run's folder."""
@@ -84,15 +85,15 @@ def source_of(loaded: Loaded) -> str:
     return str(path)
 
 
-def run_meta(assembly: Assembly) -> RunMeta:
-    """Names, limits and origin of a run."""
+def run_meta(assembly: Assembly, dynamics: Dynamics | None = None) -> RunMeta:
+    """Names, limits and origin of a run; `dynamics` where torques move the robot."""
     loaded, model, controller = assembly.loaded, assembly.model, assembly.controller
     scenario, settings = loaded.scenario, controller.settings
     cut = len(controller.task_names) - controller.law.kin.grasp.count
     secondary = controller.task_names[:cut]
     names = secondary if assembly.main_task is None else (assembly.main_task, *secondary)
     return RunMeta(
-        **_of_forces(controller),
+        **(_of_torques(dynamics) | _of_forces(controller)),
         scenario=scenario.name,
         dt=settings.dt,
         joint_names=model.joint_names,
@@ -127,6 +128,14 @@ def _of_forces(controller: Controller) -> dict[str, Any]:
         "mu_t": tuple(given.mu_t.tolist()),
         "contact_models": (model,) * len(given.mu),
     }
+
+
+def _of_torques(dynamics: Dynamics | None) -> dict[str, Any]:
+    """Torque limits of the second stage; nothing on the ideal robot."""
+    if dynamics is None:
+        return {}
+    gains = dynamics.second.gains
+    return {"tau_min": tuple(gains.tau_min.tolist()), "tau_max": tuple(gains.tau_max.tolist())}
 
 
 def _unit(scenario: Scenario, task: str, planar: bool) -> str:

@@ -210,6 +210,7 @@ class ForceControl:
 
     Attributes:
         fingers: (nv,) joints that carry one tip only; the others are arms and torso.
+        gains: as given.
     """
 
     def __init__(self, model: RobotModel, tips: tuple[str, ...], gains: ForceGains) -> None:
@@ -221,7 +222,7 @@ class ForceControl:
         carried = np.sum([*chains.values(), np.zeros(model.nv)], axis=0)
         self.fingers: BoolArray = carried == 1.0
         self._own = np.array([chains[tip] & self.fingers for tip in tips]).reshape(-1, model.nv)
-        self._gains = gains
+        self.gains = gains
         self._kin = Kinematics(model, tips)
         self._wanted = Kinematics(model, tips)
         self._dynamics = InverseDynamics(model)
@@ -246,7 +247,7 @@ class ForceControl:
         touching = goal.mode != ContactMode.FREE
         error = np.where(touching, np.einsum("ir,ir->i", goal.normals, force - goal.force), 0.0)
         acted = internal_part(goal.normals, goal.points, goal.mode) @ error
-        gains, status = self._gains, TorqueStatus.OK
+        gains, status = self.gains, TorqueStatus.OK
         before = state._replace(integral=np.where(touching, state.integral, 0.0))
         now = before._replace(
             integral=np.clip(
@@ -278,7 +279,7 @@ class ForceControl:
         self, state: TorqueState, goal: Goal, measured: Measurement, elapsed: float = 0.0
     ) -> Array:
         """(nv,) of the law a time [s] into the tick that `state` is of, without limits."""
-        gains, track = self._gains, state.track.at(elapsed)
+        gains, track = self.gains, state.track.at(elapsed)
         q, v, force = _all(measured)
         kin = self._kin.update(q)
         # the palm where it is, the finger as it should be

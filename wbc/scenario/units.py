@@ -49,6 +49,9 @@ UNITS: Final[dict[str, Unit]] = {
     "N/m": Unit("stiffness"),
     "N/mm": Unit("stiffness", 1000.0),
     "kN/m": Unit("stiffness", 1000.0),
+    "N s/m": Unit("damping"),
+    "Nm/rad": Unit("rotational stiffness"),
+    "Nm s/rad": Unit("rotational damping"),
     "rad/s": Unit("angular velocity"),
     "deg/s": Unit("angular velocity", math.pi / 180.0),
     "rad/s^2": Unit("angular acceleration"),
@@ -75,6 +78,9 @@ EXAMPLES: Final[dict[str, str]] = {
     "rate": "20 /s",
     "force": "20 N",
     "stiffness": "5e4 N/m",
+    "damping": "5 N s/m",
+    "rotational stiffness": "1000 Nm/rad",
+    "rotational damping": "100 Nm s/rad",
     "angular velocity": "2 rad/s",
     "angular acceleration": "60 rad/s^2",
     "velocity": "0.5 m/s",
@@ -264,9 +270,13 @@ Distance: TypeAlias = Annotated[float, Quantity("length", least=0.0)]
 Time: TypeAlias = Annotated[float, Quantity("time", least=0.0)]
 PositiveTime: TypeAlias = Annotated[float, Quantity("time", above=0.0)]
 Rate: TypeAlias = Annotated[float, Quantity("rate", above=0.0)]
+RateFromZero: TypeAlias = Annotated[float, Quantity("rate", least=0.0)]
 RateOrOff: TypeAlias = Annotated[float | None, Quantity("rate", above=0.0, off="off")]
 Force: TypeAlias = Annotated[float, Quantity("force", least=0.0)]
 Stiffness: TypeAlias = Annotated[float, Quantity("stiffness", above=0.0)]
+Damping: TypeAlias = Annotated[float, Quantity("damping", least=0.0)]
+TurningStiffness: TypeAlias = Annotated[float, Quantity("rotational stiffness", least=0.0)]
+TurningDamping: TypeAlias = Annotated[float, Quantity("rotational damping", least=0.0)]
 AngularVelocity: TypeAlias = Annotated[float, Quantity("angular velocity", above=0.0)]
 AngularAcceleration: TypeAlias = Annotated[float, Quantity("angular acceleration", above=0.0)]
 Mass: TypeAlias = Annotated[float, Quantity("mass", least=0.0)]
@@ -275,6 +285,7 @@ Inertia: TypeAlias = Annotated[float, Quantity("inertia", least=0.0)]
 Density: TypeAlias = Annotated[float, Quantity("density", above=0.0)]
 Torque: TypeAlias = Annotated[float | None, Quantity("torque", above=0.0, off="off")]
 """None stands for no limit."""
+TorqueBound: TypeAlias = Annotated[float, Quantity("torque", least=0.0)]
 Number: TypeAlias = Annotated[float, Quantity(NUMBER)]
 PositiveNumber: TypeAlias = Annotated[float, Quantity(NUMBER, above=0.0)]
 NonNegative: TypeAlias = Annotated[float, Quantity(NUMBER, least=0.0)]

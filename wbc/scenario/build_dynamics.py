@@ -1,0 +1,101 @@
+"""The blocks of a scenario that runs under torques to an engine and the second stage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from wbc.arrays import Array
+from wbc.contact.grasp import Grasp
+from wbc.control.force_control import ForceControl, ForceGains
+from wbc.control.set_points import SetPoints
+from wbc.errors import ScenarioError
+from wbc.robot.model import RobotModel
+from wbc.scenario import dynamic_blocks
+from wbc.scenario.build import Assembly
+from wbc.scenario.build_forces import build_payload, torque_limits, value_for
+from wbc.scenario.dynamic_blocks import Physics
+from wbc.scenario.schema import Scenario
+from wbc.sim import compliant
+from wbc.sim.compliant import CompliantPlant, FreeBody
+from wbc.sim.dynamic import Dynamics
+from wbc.sim.pads import Pads
+from wbc.sim.plant import Plant
+
+
+def build_dynamics(assembly: Assembly) -> Dynamics | None:
+    """Engine and second stage of a scenario; None for the ideal robot.
+
+    Raises:
+        WbcError: the engine cannot be had.
+    """
+    scenario, model = assembly.loaded.scenario, assembly.model
+    grasp = assembly.controller.law.kin.grasp
+    simulation, thing = scenario.simulation, scenario.object
+    if simulation.engine == "kinematic" or thing is None or scenario.force_control is None:
+        return None  # the last two: `check_dynamics`
+    tips = tuple(scenario.robot.fingers[name] for name in grasp.fingers)
+    gravity = np.array(model.pin_model.gravity.linear)
+    if grasp.planar:
+        gravity[2] = 0.0
+    return Dynamics(
+        _plant(scenario, model, grasp, tips),
+        ForceControl(model, tips, _gains(scenario, scenario.force_control, model, grasp)),
+        SetPoints(grasp, build_payload(thing, scenario), gravity),
+        held=simulation.physics.control == "held",
+    )
+
+
+def _plant(scenario: Scenario, model: RobotModel, grasp: Grasp, tips: tuple[str, ...]) -> Plant:
+    if scenario.simulation.engine != "compliant":
+        raise ScenarioError(f"simulation.engine: {scenario.simulation.engine} is not there yet")
+    thing, given = scenario.object, scenario.simulation.physics
+    if thing is None:
+        raise ScenarioError("an engine needs an object")
+    body = FreeBody(float(thing.mass or 0.0), np.array(thing.com), np.array(thing.inertia))
+    one = np.ones(grasp.count)
+    pads = Pads(
+        grasp.rest_length, grasp.stiffness, given.pad_damping * one, given.bristle_stiffness * one,
+        given.bristle_damping * one,
+    )  # fmt: skip
+    return CompliantPlant(model, tips, grasp.surface, body, pads, _physics(given, model, grasp))
+
+
+def _physics(given: Physics, model: RobotModel, grasp: Grasp) -> compliant.Physics:
+    return compliant.Physics(
+        step=given.step,
+        friction=_by(given.friction, grasp.fingers, 0.8),
+        sliding_friction=_by(given.sliding_friction, grasp.fingers, 0.0),
+        armature=_by(given.armature, model.joint_names, 0.0),
+        joint_damping=_by(given.joint_damping, model.joint_names, 0.0),
+    )
+
+
+def _gains(
+    scenario: Scenario, given: dynamic_blocks.ForceControl, model: RobotModel, grasp: Grasp
+) -> ForceGains:
+    tips = {scenario.robot.fingers[name] for name in grasp.fingers}
+    carried = sum((model.support(model.frame(tip)) for tip in tips), np.zeros(model.nv))
+    arm, names, fingers = carried != 1.0, model.joint_names, grasp.fingers
+    arms = given.arms
+    stiffness = np.where(arm, _by(arms.stiffness, names, 1000.0), 0.0)
+    limit = torque_limits({} if scenario.forces is None else scenario.forces.torque_limits, model)
+    return ForceGains(
+        position=_by(given.position, fingers, 2000.0),
+        force=_by(given.force, fingers, 0.2),
+        integral=_by(given.integral, fingers, 20.0),
+        windup=_by(given.windup, fingers, 5.0),
+        damping=np.where(arm, _by(arms.damping, names, 100.0), _by(given.damping, names, 5.0)),
+        stiffness=stiffness,
+        joint_integral=arms.integral * stiffness,
+        joint_windup=np.full(model.nv, arms.windup),
+        tau_min=-limit,
+        tau_max=limit,
+        inertia=given.inertia,
+    )
+
+
+def _by(values: Mapping[str, float], names: tuple[str, ...], default: float) -> Array:
+    """The values of contacts or joints, by name or pattern, else the default."""
+    return np.array([value_for(values, name, default) for name in names], dtype=np.float64)
