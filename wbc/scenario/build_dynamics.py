@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 
 import numpy as np
@@ -20,6 +21,8 @@ from wbc.scenario.schema import Scenario
 from wbc.sim import compliant
 from wbc.sim.compliant import CompliantPlant, FreeBody
 from wbc.sim.dynamic import Dynamics
+from wbc.sim.mujoco_model import MujocoSettings, build_mujoco, rotor_defaults
+from wbc.sim.mujoco_plant import MujocoPlant
 from wbc.sim.pads import Pads
 from wbc.sim.plant import Plant
 
@@ -44,22 +47,44 @@ def build_dynamics(assembly: Assembly) -> Dynamics | None:
         ForceControl(model, tips, _gains(scenario, scenario.force_control, model, grasp)),
         SetPoints(grasp, build_payload(thing, scenario), gravity),
         held=simulation.physics.control == "held",
+        release=_release(scenario),
     )
 
 
+def _release(scenario: Scenario) -> int | None:
+    fixture = scenario.simulation.physics.fixture
+    names = [phase.name for phase in scenario.phases]
+    return None if fixture is None else names.index(fixture)
+
+
 def _plant(scenario: Scenario, model: RobotModel, grasp: Grasp, tips: tuple[str, ...]) -> Plant:
-    if scenario.simulation.engine != "compliant":
-        raise ScenarioError(f"simulation.engine: {scenario.simulation.engine} is not there yet")
     thing, given = scenario.object, scenario.simulation.physics
     if thing is None:
         raise ScenarioError("an engine needs an object")
     body = FreeBody(float(thing.mass or 0.0), np.array(thing.com), np.array(thing.inertia))
+    if scenario.simulation.engine == "mujoco":
+        return _mujoco(scenario, model, grasp, tips, body)
     one = np.ones(grasp.count)
     pads = Pads(
         grasp.rest_length, grasp.stiffness, given.pad_damping * one, given.bristle_stiffness * one,
         given.bristle_damping * one,
     )  # fmt: skip
     return CompliantPlant(model, tips, grasp.surface, body, pads, _physics(given, model, grasp))
+
+
+def _mujoco(
+    scenario: Scenario, model: RobotModel, grasp: Grasp, tips: tuple[str, ...], body: FreeBody
+) -> Plant:
+    given = scenario.simulation.physics
+    armature, damping = rotor_defaults(model)
+    physics = dataclasses.replace(
+        _physics(given, model, grasp),
+        armature=_by(given.armature, model.joint_names, armature),
+        joint_damping=_by(given.joint_damping, model.joint_names, damping),
+    )
+    settings = MujocoSettings(_torque_limits(scenario, model), table=given.table)
+    made = build_mujoco(model, tips, grasp.rest_length, grasp.surface, body, physics, settings)
+    return MujocoPlant(made, fixture=given.fixture is not None)
 
 
 def _physics(given: Physics, model: RobotModel, grasp: Grasp) -> compliant.Physics:
@@ -80,7 +105,7 @@ def _gains(
     arm, names, fingers = carried != 1.0, model.joint_names, grasp.fingers
     arms = given.arms
     stiffness = np.where(arm, _by(arms.stiffness, names, 1000.0), 0.0)
-    limit = torque_limits({} if scenario.forces is None else scenario.forces.torque_limits, model)
+    limit = _torque_limits(scenario, model)
     return ForceGains(
         position=_by(given.position, fingers, 2000.0),
         force=_by(given.force, fingers, 0.2),
@@ -96,6 +121,11 @@ def _gains(
     )
 
 
-def _by(values: Mapping[str, float], names: tuple[str, ...], default: float) -> Array:
-    """The values of contacts or joints, by name or pattern, else the default."""
-    return np.array([value_for(values, name, default) for name in names], dtype=np.float64)
+def _torque_limits(scenario: Scenario, model: RobotModel) -> Array:
+    return torque_limits({} if scenario.forces is None else scenario.forces.torque_limits, model)
+
+
+def _by(values: Mapping[str, float], names: tuple[str, ...], default: float | Array) -> Array:
+    """The values of contacts or joints, by name or pattern, else the default, one or (n,)."""
+    found = np.array([value_for(values, name) for name in names], dtype=np.float64)
+    return np.where(np.isnan(found), default, found)

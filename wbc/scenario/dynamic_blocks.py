@@ -7,11 +7,12 @@ from typing import Annotated, Any, Literal, TypeAlias, final
 
 from pydantic import Field
 
-from wbc.scenario.blocks import EVERY, Block, Flag, Prepared
+from wbc.scenario.blocks import EVERY, Block, Flag, Prepared, Text
 from wbc.scenario.units import (
     Damping,
     Force,
     Inertia,
+    Length,
     NonNegative,
     PositiveTime,
     Quantity,
@@ -67,10 +68,19 @@ class Physics(Block):
     bristle_stiffness: Stiffness = Field(default=2e4, description="of stick-slip friction")
     bristle_damping: Annotated[float, Quantity("damping", above=0.0)] = 20.0
     armature: InertiaBy = Field(
-        default={}, description="joint or pattern: reflected inertia of its motor"
+        default={},
+        description="joint or pattern: reflected inertia of its motor; mujoco: by its effort where "
+        "none is given, and so its friction",
     )
     joint_damping: TurningDampingBy = Field(
         default={}, description="joint or pattern: viscous friction"
+    )
+    fixture: Text | None = Field(
+        default=None,
+        description="phase at whose start what holds the object until then lets go (mujoco only)",
+    )
+    table: Length | None = Field(
+        default=None, description="height of a table top below the object (mujoco only)"
     )
 
 

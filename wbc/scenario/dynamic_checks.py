@@ -28,6 +28,14 @@ def check_dynamics(data: dict[str, Any], faults: Faults) -> None:
     if engine == "mujoco" and physics.get("control") == "continuous":
         text = "continuous is of the compliant engine: this one takes a torque at a time"
         faults.add(("simulation", "physics", "control"), text)
+    if engine == "compliant":
+        for key in ("fixture", "table"):
+            if physics.get(key) is not None:
+                faults.add(("simulation", "physics", key), "is of the engine mujoco only")
+    elif isinstance(physics.get("fixture"), str):
+        names = [str(mapping(phase).get("name")) for phase in listing(data.get("phases"))]
+        if physics["fixture"] not in names:
+            faults.unknown(("simulation", "physics", "fixture"), "phase", physics["fixture"], names)
     _needs(data, engine, faults)
 
 

@@ -24,6 +24,8 @@ class Dynamics:
         plant: robot and object.
         second: the second stage.
         set_points: planned forces where no optimizer plans them.
+        release: index of the phase at whose start a fixture lets go of the object; None: there is
+            no fixture.
         held: torques are held over the tick; else they are a function of the state in every
             evaluation of the compliant plant, as in the chapter's simulation.
     """
@@ -32,6 +34,7 @@ class Dynamics:
     second: ForceControl
     set_points: SetPoints
     held: bool = True
+    release: int | None = None
 
 
 def run(
@@ -53,6 +56,8 @@ def run(
         if not np.array_equal(mode, record.mode):
             mode = record.mode
             plant.treat(mode)
+        if dynamics.release is not None and record.phase >= dynamics.release:
+            plant.release()
         goal = _goal(record, state, dynamics.set_points)
         command, torques = second.step(torques, goal, sensed.measurement, dt)
         yield record._replace(dynamics=DynamicsRecord(

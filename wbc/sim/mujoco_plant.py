@@ -77,7 +77,7 @@ class MujocoPlant(Plant):
         self.model.geom_friction[self._map.pad_geom, 0] = mu
 
     def release(self) -> None:
-        """Let the fixture go of the object."""
+        """As `Plant.release`."""
         self.data.eq_active[self._map.fixture] = False
 
     def disturb(self, push: Array, lost: BoolArray) -> None:

@@ -51,6 +51,10 @@ class Plant(ABC):
         slide on purpose another friction, who they are.
         """
 
+    def release(self) -> None:
+        """Let go of the object, where something beside the fingers holds it: a fixture."""
+        return None
+
     @abstractmethod
     def step(self, tau: Array, dt: float) -> Sensed:
         """Hold the torques (nv,) for a time dt [s] and say what there is then.
