@@ -9,22 +9,26 @@ import numpy as np
 
 from wbc.arrays import Array
 from wbc.contact.grasp import Grasp
+from wbc.contact.surfaces import Surface
 from wbc.control.force_control import ForceControl, ForceGains
 from wbc.control.set_points import SetPoints
 from wbc.errors import ScenarioError
 from wbc.robot.model import RobotModel
 from wbc.scenario import dynamic_blocks
 from wbc.scenario.build import Assembly
+from wbc.scenario.build_disturbance import build_disturbance
 from wbc.scenario.build_forces import build_payload, torque_limits, value_for
 from wbc.scenario.dynamic_blocks import Physics
 from wbc.scenario.schema import Scenario
 from wbc.sim import compliant
 from wbc.sim.compliant import CompliantPlant, FreeBody
+from wbc.sim.disturbances import Disturbance
 from wbc.sim.dynamic import Dynamics
 from wbc.sim.mujoco_model import MujocoSettings, build_mujoco, rotor_defaults
 from wbc.sim.mujoco_plant import MujocoPlant
 from wbc.sim.pads import Pads
 from wbc.sim.plant import Plant
+from wbc.sim.trial import Trial, scaled
 
 
 def build_dynamics(assembly: Assembly) -> Dynamics | None:
@@ -42,12 +46,18 @@ def build_dynamics(assembly: Assembly) -> Dynamics | None:
     gravity = np.array(model.pin_model.gravity.linear)
     if grasp.planar:
         gravity[2] = 0.0
+    wrong = build_disturbance(scenario)
+    second = ForceControl(model, tips, _gains(scenario, scenario.force_control, model, grasp))
+    trial = None
+    if wrong is not None:
+        trial = Trial(wrong, model, grasp.fingers, ~second.fingers, simulation.step)
     return Dynamics(
-        _plant(scenario, model, grasp, tips),
-        ForceControl(model, tips, _gains(scenario, scenario.force_control, model, grasp)),
+        _plant(scenario, model, grasp, tips, wrong or Disturbance()),
+        second,
         SetPoints(grasp, build_payload(thing, scenario), gravity),
         held=simulation.physics.control == "held",
         release=_release(scenario),
+        trial=trial,
     )
 
 
@@ -57,33 +67,46 @@ def _release(scenario: Scenario) -> int | None:
     return None if fixture is None else names.index(fixture)
 
 
-def _plant(scenario: Scenario, model: RobotModel, grasp: Grasp, tips: tuple[str, ...]) -> Plant:
+def _plant(
+    scenario: Scenario, model: RobotModel, grasp: Grasp, tips: tuple[str, ...], wrong: Disturbance
+) -> Plant:
+    """The engine, with the object as it truly is."""
     thing, given = scenario.object, scenario.simulation.physics
     if thing is None:
         raise ScenarioError("an engine needs an object")
-    body = FreeBody(float(thing.mass or 0.0), np.array(thing.com), np.array(thing.inertia))
+    body = FreeBody(
+        wrong.mass * float(thing.mass or 0.0), np.array(thing.com),
+        wrong.mass * np.array(thing.inertia),
+    )  # fmt: skip
+    physics, surface = _physics(given, model, grasp), scaled(grasp.surface, wrong.size)
+    physics = dataclasses.replace(
+        physics,
+        friction=wrong.friction * physics.friction,
+        sliding_friction=wrong.friction * physics.sliding_friction,
+    )
     if scenario.simulation.engine == "mujoco":
-        return _mujoco(scenario, model, grasp, tips, body)
+        return _mujoco(scenario, model, grasp.rest_length, tips, surface, body, physics)
     one = np.ones(grasp.count)
     pads = Pads(
         grasp.rest_length, grasp.stiffness, given.pad_damping * one, given.bristle_stiffness * one,
         given.bristle_damping * one,
     )  # fmt: skip
-    return CompliantPlant(model, tips, grasp.surface, body, pads, _physics(given, model, grasp))
+    return CompliantPlant(model, tips, surface, body, pads, physics)
 
 
 def _mujoco(
-    scenario: Scenario, model: RobotModel, grasp: Grasp, tips: tuple[str, ...], body: FreeBody
-) -> Plant:
+    scenario: Scenario, model: RobotModel, pads: Array, tips: tuple[str, ...], surface: Surface,
+    body: FreeBody, physics: compliant.Physics,
+) -> Plant:  # fmt: skip
     given = scenario.simulation.physics
     armature, damping = rotor_defaults(model)
     physics = dataclasses.replace(
-        _physics(given, model, grasp),
+        physics,
         armature=_by(given.armature, model.joint_names, armature),
         joint_damping=_by(given.joint_damping, model.joint_names, damping),
     )
     settings = MujocoSettings(_torque_limits(scenario, model), table=given.table)
-    made = build_mujoco(model, tips, grasp.rest_length, grasp.surface, body, physics, settings)
+    made = build_mujoco(model, tips, pads, surface, body, physics, settings)
     return MujocoPlant(made, fixture=given.fixture is not None)
 
 

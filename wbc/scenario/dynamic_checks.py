@@ -32,6 +32,10 @@ def check_dynamics(data: dict[str, Any], faults: Faults) -> None:
         for key in ("fixture", "table"):
             if physics.get(key) is not None:
                 faults.add(("simulation", "physics", key), "is of the engine mujoco only")
+        wrong = mapping(simulation.get("disturbances"))
+        for key in ("pushes", "lost"):
+            if wrong.get(key):
+                faults.add(("simulation", "disturbances", key), "is of the engine mujoco only")
     elif isinstance(physics.get("fixture"), str):
         names = [str(mapping(phase).get("name")) for phase in listing(data.get("phases"))]
         if physics["fixture"] not in names:

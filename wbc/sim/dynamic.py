@@ -14,6 +14,7 @@ from wbc.control.set_points import SetPoints
 from wbc.control.state import ControllerState, DynamicsRecord, Measurement, TickRecord
 from wbc.sim.compliant import CompliantPlant
 from wbc.sim.plant import Plant
+from wbc.sim.trial import Trial
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,7 @@ class Dynamics:
         plant: robot and object.
         second: the second stage.
         set_points: planned forces where no optimizer plans them.
+        trial: what is wrong in this run; None: nothing.
         release: index of the phase at whose start a fixture lets go of the object; None: there is
             no fixture.
         held: torques are held over the tick; else they are a function of the state in every
@@ -35,6 +37,7 @@ class Dynamics:
     set_points: SetPoints
     held: bool = True
     release: int | None = None
+    trial: Trial | None = None
 
 
 def run(
@@ -48,24 +51,34 @@ def run(
         Each tick's record, with what was measured, and the state after it.
     """
     plant, second, dt = dynamics.plant, dynamics.second, controller.settings.dt
-    start = controller.law.kin.start
-    sensed = plant.reset(state.q, np.zeros(len(state.q)), start.position, start.rotation)
+    trial, start = dynamics.trial, controller.law.kin.start
+    pose = start.position, start.rotation
+    if trial is not None:
+        trial.begin()
+        pose = trial.placed(*pose)
+    sensed = plant.reset(state.q, np.zeros(len(state.q)), *pose)
     torques, mode = second.init(), np.full(controller.law.kin.grasp.count, -1)
     for _ in range(ticks):
-        record, state = controller.step(state, Measurement(sensed.q))
+        seen = sensed.measurement if trial is None else trial.seen(sensed)
+        record, state = controller.step(state, Measurement(seen.q))
         if not np.array_equal(mode, record.mode):
             mode = record.mode
             plant.treat(mode)
         if dynamics.release is not None and record.phase >= dynamics.release:
             plant.release()
         goal = _goal(record, state, dynamics.set_points)
-        command, torques = second.step(torques, goal, sensed.measurement, dt)
+        command, torques = second.step(torques, goal, seen, dt)
         yield record._replace(dynamics=DynamicsRecord(
             command.tau, sensed.force, goal.force, sensed.object_position, sensed.object_rotation,
             sensed.slip, sensed.q, sensed.v, int(command.status),
         )), state  # fmt: skip
+        tau = command.tau
+        if trial is not None:
+            tau = trial.misjudged(tau, seen.q)
+            if trial.eventful:
+                plant.disturb(*trial.happening(record.t))
         if dynamics.held or not isinstance(plant, CompliantPlant):
-            sensed = plant.step(command.tau, dt)
+            sensed = plant.step(tau, dt)
         else:
             sensed = plant.step_feedback(_Following(second, torques, goal), dt)
 

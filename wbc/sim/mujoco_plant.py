@@ -81,12 +81,7 @@ class MujocoPlant(Plant):
         self.data.eq_active[self._map.fixture] = False
 
     def disturb(self, push: Array, lost: BoolArray) -> None:
-        """What happens from now on, until it is said anew or `reset`.
-
-        Args:
-            push: (3,) force on the object at its origin, world axes [N].
-            lost: (N,) contacts that bear nothing: their tips go through the object.
-        """
+        """As `Plant.disturb`, until `reset`; tips whose contact is lost go through the object."""
         where, data = self._map, self.data
         body = where.object_body
         arm = data.xpos[body] - data.xipos[body]

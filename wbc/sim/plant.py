@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
-from wbc.arrays import Array, IntArray
+from wbc.arrays import Array, BoolArray, IntArray
 from wbc.control.state import Measurement
 
 
@@ -50,6 +50,15 @@ class Plant(ABC):
         It decides whose slip counts (`ContactMode.FIXED`), and where a scenario gives tips that
         slide on purpose another friction, who they are.
         """
+
+    def disturb(self, push: Array, lost: BoolArray) -> None:
+        """What happens from now on, until it is said anew; an engine may know of nothing.
+
+        Args:
+            push: (3,) force on the object at its origin, world axes [N].
+            lost: (N,) contacts that bear nothing.
+        """
+        return None
 
     def release(self) -> None:
         """Let go of the object, where something beside the fingers holds it: a fixture."""
