@@ -33,6 +33,7 @@ from wbc.errors import SetupError, WbcError
 from wbc.files import write_whole
 from wbc.recording import Log, Outcome, Recorder, summarize, write
 from wbc.scenario.build import Assembly, build
+from wbc.scenario.build_disturbance import build_disturbance
 from wbc.scenario.build_dynamics import build_dynamics
 from wbc.scenario.schema import Scenario
 from wbc.sim import dynamic, kinematic
@@ -58,11 +59,9 @@ def run_command(arguments: argparse.Namespace) -> int:
         assembly = build(loaded)
         viewer = stack.enter_context(_Viewer(assembly, arguments)) if arguments.view else None
         if simulation.rehearse:
-            _rehearsed(assembly)
+            check_rehearsal(assembly)
             interrupts.check()
-        dynamics = build_dynamics(assembly)
-        recorder = Recorder(run_meta(assembly, dynamics), assembly.ticks)
-        session = _Session(assembly, recorder, progress, dynamics)
+        session = Session.of(assembly, progress)
         session.viewer = viewer
         session.paced = arguments.realtime or (arguments.view and not arguments.fast)
         interrupts.check()
@@ -94,7 +93,7 @@ def _balances(scenario: Scenario) -> bool:
     return closed or not kinds.isdisjoint(("equilibrium_force", "equilibrium_moment"))
 
 
-def _rehearsed(assembly: Assembly) -> None:
+def check_rehearsal(assembly: Assembly) -> None:
     """Refuse what a rehearsal shows to be impossible. Raises SetupError, a line per reason."""
     faults = rehearse(assembly.controller, assembly.start).faults
     if faults:
@@ -173,7 +172,7 @@ def _truly(record: TickRecord) -> TickRecord:
 
 @final
 @dataclass
-class _Session:
+class Session:
     """One run under way.
 
     Attributes:
@@ -190,6 +189,13 @@ class _Session:
     paced: bool = False
     state: ControllerState | None = None
     took: float = 0.0
+
+    @classmethod
+    def of(cls, assembly: Assembly, progress: Progress) -> Session:
+        """A run before its first tick, on the engine of its scenario."""
+        dynamics = build_dynamics(assembly)
+        recorder = Recorder(run_meta(assembly, dynamics), assembly.ticks)
+        return cls(assembly, recorder, progress, dynamics)
 
     def go(self, interrupts: Interrupts, notice: SlowNotice) -> None:
         """Tick until the scenario's time is over or a signal comes."""
@@ -221,6 +227,11 @@ class _Session:
 
     def save(self, folder: Path, *, interrupted: bool) -> tuple[dict[str, Any], bool]:
         """Write log and summary; the summary, and whether everything was written."""
+        log, summary = self.finish(interrupted=interrupted)
+        return summary, write_run(folder, log, summary, self.assembly)
+
+    def finish(self, *, interrupted: bool) -> tuple[Log, dict[str, Any]]:
+        """The log of the ticks so far, and its summary."""
         log = self.recorder.finish(complete=not interrupted)
         state = self.assembly.start if self.state is None else self.state
         phases = self.assembly.controller.phases.phases
@@ -232,7 +243,10 @@ class _Session:
         if interrupted:
             summary["reason"] = f"interrupted; {summary['reason']}".rstrip("; ")
             summary["success"] = False
-        return summary, _written(folder, log, summary, self.assembly)
+        disturbance = build_disturbance(self.assembly.loaded.scenario)
+        if disturbance is not None:
+            summary["disturbance"] = disturbance.as_record()
+        return log, summary
 
 
 @final
@@ -257,7 +271,7 @@ def _copy(path: Path, text: bytes) -> None:
     write_whole(path, lambda file: file.write(text))
 
 
-def _written(folder: Path, log: Log, summary: dict[str, Any], assembly: Assembly) -> bool:
+def write_run(folder: Path, log: Log, summary: dict[str, Any], assembly: Assembly) -> bool:
     """Whether every file of the run could be written; each that could not is told."""
     texts = {
         SCENARIO: log.meta.scenario_text.encode("utf-8"),

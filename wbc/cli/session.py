@@ -163,7 +163,7 @@ def results_folder(asked: str | None, scenario: str) -> Path:
     Raises:
         WbcError: it cannot be made or written to.
     """
-    folder = Path(asked) if asked else Path("runs") / _file_name(scenario)
+    folder = Path(asked) if asked else Path("runs") / file_name(scenario)
     try:
         if folder.exists() and not folder.is_dir():
             raise NotADirectoryError(20, "it is not a folder")
@@ -182,7 +182,7 @@ def results_folder(asked: str | None, scenario: str) -> Path:
     return folder
 
 
-def _file_name(scenario: str) -> str:
+def file_name(scenario: str) -> str:
     """The scenario's name without what a file system could take for something else."""
     kept = "".join(c if c.isalnum() or c in "-_." else "_" for c in scenario)
     return kept.strip(".")[:80] or "run"
