@@ -35,6 +35,10 @@ _BALANCE = 0.05
 """λ of the internal forces: presses whose sum is this small beside them count half as internal."""
 
 
+_HUGE = 1e9
+"""No position, velocity or force of a robot is as large, in SI units."""
+
+
 class TorqueStatus(IntFlag):
     """What gave way in the second stage; 0 when nothing did."""
 
@@ -44,9 +48,9 @@ class TorqueStatus(IntFlag):
     INTEGRAL_LIMIT = 2
     """An integrator stands at its bound."""
     BAD_MEASUREMENT = 4
-    """A measurement is missing, not finite or of the wrong size: the last torques are held."""
+    """A measurement is missing, no number or of the wrong size: the last torques are held."""
     BAD_COMMAND = 8
-    """The law gave no finite torque: the last ones are held."""
+    """The first stage asks for what is no number: the last torques are held."""
 
 
 @dataclass(frozen=True)
@@ -239,10 +243,12 @@ class ForceControl:
         self, state: TorqueState, goal: Goal, measured: Measurement, dt: float
     ) -> tuple[Command, TorqueState]:
         """One tick. Never raises on numbers, never NaN: what gave way is in the status."""
-        error = np.zeros(len(self._own))
+        none = np.zeros(len(self._own))
+        if not all(_sound(part) for part in goal):
+            return Command(state.tau.copy(), none, TorqueStatus.BAD_COMMAND), state
         state = state._replace(track=state.track.then(goal.q, goal.v, dt))
         if not self._usable(measured):
-            return Command(state.tau.copy(), error, TorqueStatus.BAD_MEASUREMENT), state
+            return Command(state.tau.copy(), none, TorqueStatus.BAD_MEASUREMENT), state
         q, _, force = _all(measured)
         touching = goal.mode != ContactMode.FREE
         error = np.where(touching, np.einsum("ir,ir->i", goal.normals, force - goal.force), 0.0)
@@ -259,8 +265,6 @@ class ForceControl:
             ),
         )  # fmt: skip
         tau = self.torques(now, goal, measured)
-        if not np.isfinite(tau).all():
-            return Command(state.tau.copy(), error, TorqueStatus.BAD_COMMAND), state
         over = (tau < gains.tau_min) | (tau > gains.tau_max)
         if over.any():  # what a limit holds back is not to be integrated
             status |= TorqueStatus.SATURATED
@@ -305,9 +309,14 @@ class ForceControl:
             return False
         sizes = ((self._nv,), (self._nv,), (len(self._own), 3))
         return all(
-            np.shape(x) == size and bool(np.isfinite(x).all())
+            np.shape(x) == size and _sound(x)
             for x, size in zip((measured.q, measured.v, measured.force), sizes, strict=True)
         )
+
+
+def _sound(values: Array | IntArray) -> bool:
+    """Whether these are numbers that a robot can have to do with."""
+    return bool((np.abs(values) < _HUGE).all())
 
 
 def _all(measured: Measurement) -> tuple[Array, Array, Array]:

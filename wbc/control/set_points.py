@@ -22,8 +22,9 @@ _RANK = 1e-6  # share of the largest singular value below which a direction of b
 
 
 def balanced(
-    press: Array, mode: IntArray, points: Array, normals: Array, wrench: Array, planar: bool
-) -> Array:
+    press: Array, mode: IntArray, points: Array, normals: Array, wrench: Array, planar: bool,
+    found: Array | None = None,
+) -> Array:  # fmt: skip
     """Forces on the object (N, 3) nearest to the presses that supply a wrench.
 
     Only fingers that hold (`ContactMode.FIXED`) give way, each in proportion to its press: the sum
@@ -35,6 +36,9 @@ def balanced(
         points: (N, 3) contact points from the object's origin [m], normals outward, world axes.
         wrench: (6,) to be supplied, force [N] and moment about the object's origin [Nm].
         planar: forces in the plane, moment about z.
+        found: (N, 3) forces as measured; those that hold then bear what the others do press and
+            drag, not what they should ("on the basis of the current value of the forces",
+            text of 2.4). None: what they should.
     """
     press = np.where(mode == ContactMode.FREE, 0.0, press)
     force: Array = -press[:, None] * normals
@@ -48,7 +52,9 @@ def balanced(
         column = slice(k * width, (k + 1) * width)
         grasp[:3, column] = press[i] * np.eye(3)[:, :width]
         grasp[3:, column] = press[i] * moments[i, :width].T
-    left = wrench - np.concatenate([force.sum(axis=0), np.cross(points, force).sum(axis=0)])
+    holding = (mode == ContactMode.FIXED)[:, None]
+    borne = force if found is None else np.where(holding, force, found)
+    left = wrench - np.concatenate([borne.sum(axis=0), np.cross(points, borne).sum(axis=0)])
     length = max(float(np.linalg.norm(points, axis=1).max()), 1e-9)  # moments in newtons
     scale = np.array([1.0, 1.0, 1.0, length, length, length])[rows]
     share = np.linalg.lstsq(grasp[rows] / scale[:, None], left[rows] / scale, rcond=_RANK)[0]
@@ -71,11 +77,13 @@ class SetPoints:
         self._gravity = gravity
         self._references = References(grasp.count)
 
-    def at(self, record: TickRecord, motion: Motion) -> Array:
+    def at(self, record: TickRecord, motion: Motion, found: Array | None = None) -> Array:
         """(N, 3) planned force of each contact on the object, world axes [N].
 
         Args:
             motion: the references of the tick.
+            found: (N, 3) measured forces, for what tips do that do not hold; left out unless
+                finite.
         """
         grasp, reference = self._grasp, self._references.at(record.t, motion)
         press = grasp.stiffness * np.maximum(grasp.rest_length - reference.reach, 0.0)
@@ -87,4 +95,7 @@ class SetPoints:
                 object_acceleration(record.t, motion), self._gravity,
             )  # fmt: skip
         arms = record.contact_points - record.object_position
-        return balanced(press, record.mode, arms, record.contact_normals, wrench, grasp.planar)
+        if found is not None and not np.isfinite(found).all():
+            found = None
+        normals, mode = record.contact_normals, record.mode
+        return balanced(press, mode, arms, normals, wrench, grasp.planar, found)

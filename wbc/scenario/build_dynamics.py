@@ -12,16 +12,13 @@ from wbc.contact.grasp import Grasp
 from wbc.contact.surfaces import Surface
 from wbc.control.force_control import ForceControl, ForceGains
 from wbc.control.set_points import SetPoints
-from wbc.errors import ScenarioError
 from wbc.robot.model import RobotModel
 from wbc.scenario import dynamic_blocks
 from wbc.scenario.build import Assembly
 from wbc.scenario.build_disturbance import build_disturbance
 from wbc.scenario.build_forces import build_payload, torque_limits, value_for
-from wbc.scenario.dynamic_blocks import Physics
 from wbc.scenario.schema import Scenario
-from wbc.sim import compliant
-from wbc.sim.compliant import CompliantPlant, FreeBody
+from wbc.sim.compliant import CompliantPlant, FreeBody, Physics
 from wbc.sim.disturbances import Disturbance
 from wbc.sim.dynamic import Dynamics
 from wbc.sim.mujoco_model import MujocoSettings, build_mujoco, rotor_defaults
@@ -71,14 +68,9 @@ def _plant(
     scenario: Scenario, model: RobotModel, grasp: Grasp, tips: tuple[str, ...], wrong: Disturbance
 ) -> Plant:
     """The engine, with the object as it truly is."""
-    thing, given = scenario.object, scenario.simulation.physics
-    if thing is None:
-        raise ScenarioError("an engine needs an object")
-    body = FreeBody(
-        wrong.mass * float(thing.mass or 0.0), np.array(thing.com),
-        wrong.mass * np.array(thing.inertia),
-    )  # fmt: skip
-    physics, surface = _physics(given, model, grasp), scaled(grasp.surface, wrong.size)
+    body, surface = true_body(scenario), scaled(grasp.surface, wrong.size)
+    body = FreeBody(wrong.mass * body.mass, body.com, wrong.mass * body.inertia)
+    physics = true_physics(scenario, model, grasp)
     physics = dataclasses.replace(
         physics,
         friction=wrong.friction * physics.friction,
@@ -86,17 +78,41 @@ def _plant(
     )
     if scenario.simulation.engine == "mujoco":
         return _mujoco(scenario, model, grasp.rest_length, tips, surface, body, physics)
-    one = np.ones(grasp.count)
-    pads = Pads(
+    return CompliantPlant(model, tips, surface, body, true_pads(scenario, grasp), physics)
+
+
+def true_body(scenario: Scenario) -> FreeBody:
+    """The object as the scenario has it; one without mass where it has none."""
+    thing = scenario.object
+    if thing is None:
+        return FreeBody(0.0, np.zeros(3), np.zeros(3))
+    return FreeBody(float(thing.mass or 0.0), np.array(thing.com), np.array(thing.inertia))
+
+
+def true_pads(scenario: Scenario, grasp: Grasp) -> Pads:
+    """The fingertips as the compliant engine has them."""
+    given, one = scenario.simulation.physics, np.ones(grasp.count)
+    return Pads(
         grasp.rest_length, grasp.stiffness, given.pad_damping * one, given.bristle_stiffness * one,
         given.bristle_damping * one,
     )  # fmt: skip
-    return CompliantPlant(model, tips, surface, body, pads, physics)
+
+
+def true_physics(scenario: Scenario, model: RobotModel, grasp: Grasp) -> Physics:
+    """Steps, friction and what the joints add."""
+    given = scenario.simulation.physics
+    return Physics(
+        step=given.step,
+        friction=_by(given.friction, grasp.fingers, 0.8),
+        sliding_friction=_by(given.sliding_friction, grasp.fingers, 0.0),
+        armature=_by(given.armature, model.joint_names, 0.0),
+        joint_damping=_by(given.joint_damping, model.joint_names, 0.0),
+    )
 
 
 def _mujoco(
     scenario: Scenario, model: RobotModel, pads: Array, tips: tuple[str, ...], surface: Surface,
-    body: FreeBody, physics: compliant.Physics,
+    body: FreeBody, physics: Physics,
 ) -> Plant:  # fmt: skip
     given = scenario.simulation.physics
     armature, damping = rotor_defaults(model)
@@ -108,16 +124,6 @@ def _mujoco(
     settings = MujocoSettings(_torque_limits(scenario, model), table=given.table)
     made = build_mujoco(model, tips, pads, surface, body, physics, settings)
     return MujocoPlant(made, fixture=given.fixture is not None)
-
-
-def _physics(given: Physics, model: RobotModel, grasp: Grasp) -> compliant.Physics:
-    return compliant.Physics(
-        step=given.step,
-        friction=_by(given.friction, grasp.fingers, 0.8),
-        sliding_friction=_by(given.sliding_friction, grasp.fingers, 0.0),
-        armature=_by(given.armature, model.joint_names, 0.0),
-        joint_damping=_by(given.joint_damping, model.joint_names, 0.0),
-    )
 
 
 def _gains(
