@@ -187,6 +187,22 @@ def test_a_tip_that_comes_from_afar_touches_a_round_body_and_leaves_it() -> None
     assert 0.0 < plant.lost < 0.2 * energy
 
 
+def test_a_push_and_a_lost_contact() -> None:
+    assembly, plant = grippers(5e-4)
+    tau = holding(assembly, plant)
+    sensed = plant.reset(assembly.start.q, 0.0 * tau, np.zeros(3), np.eye(3))
+    before, energy = plant.momentum, plant.energy
+    plant.disturb(np.array([3.0, 0.0, 0.0]), np.ones(4, dtype=np.bool_))
+    for _ in range(50):
+        sensed = plant.step(0.0 * tau, 2e-3)
+    assert not sensed.force.any()
+    assert plant.momentum - before == pytest.approx([0.3, 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-12)
+    assert sensed.object_position[0] == pytest.approx(0.5 * 3.0 * 0.1**2, rel=1e-9)
+    assert plant.energy == pytest.approx(energy + plant.work - plant.lost - 0.008, abs=1e-6)
+    sensed = plant.reset(assembly.start.q, 0.0 * tau, np.zeros(3), np.eye(3))
+    assert sensed.force.any()  # nothing of it is left
+
+
 def test_steps_are_reproducible() -> None:
     a, b = jogged(1e-3)[1], jogged(1e-3)[1]
     for one, other in zip(a, b, strict=True):

@@ -162,6 +162,8 @@ class CompliantPlant(Plant):
         self._rotation: Array = np.eye(3)  # at the start of the step; φ is from there
         self._force: Array = np.zeros((n, 3))
         self._wrench: Array = np.zeros(6)
+        self._push: Array = np.zeros(3)
+        self._bears: BoolArray = np.ones(n, dtype=np.bool_)
         self._slide: Array = np.zeros(n)
         self._v: Array = np.zeros(nv)
         self.energy = 0.0
@@ -201,6 +203,7 @@ class CompliantPlant(Plant):
         self._rotation = np.array(rotation, dtype=np.float64)
         com[:] = position + self._rotation @ self._body.com
         self.treat(np.full(len(self._holds), ContactMode.FIXED))
+        self.disturb(np.zeros(3), np.zeros(len(self._holds), dtype=np.bool_))
         self.feet.forget()
         return self._sensed()
 
@@ -209,6 +212,10 @@ class CompliantPlant(Plant):
         self._holds = mode == ContactMode.FIXED
         given = self._physics
         self._mu = np.where(mode == ContactMode.SLIDING, given.sliding_friction, given.friction)
+
+    def disturb(self, push: Array, lost: BoolArray) -> None:
+        """As `Plant.disturb`; the work of the push is part of `work`."""
+        self._push, self._bears = np.array(push, dtype=np.float64), ~lost
 
     def step(self, tau: Array, dt: float) -> Sensed:
         """As `Plant.step`."""
@@ -267,10 +274,13 @@ class CompliantPlant(Plant):
         origin = com - rotation @ self._body.com
         records = self.feet.follow((kin.position - origin) @ rotation)
         stored, lost = pad_forces(
-            self.feet.near, records, kin.position, kin.linear @ v, origin, rotation, com,
-            velocity, spin, *pads, self._mu, bristles.reshape(-1, 3), self._force,
+            self.feet.near & self._bears, records, kin.position, kin.linear @ v, origin, rotation,
+            com, velocity, spin, *pads, self._mu, bristles.reshape(-1, 3), self._force,
             bristle_rate.reshape(-1, 3), self._slide, self._wrench,
         )  # fmt: skip
+        arm = origin - com
+        self._wrench += np.concatenate([self._push, np.cross(arm, self._push)])
+        pushed = float(self._push @ (velocity + np.cross(spin, arm)))
         tau = torques(elapsed)
         full = model.full(q)
         full_v = model.ratio * v[model.master]
@@ -287,7 +297,7 @@ class CompliantPlant(Plant):
         )  # fmt: skip
         q_rate[:] = v
         slip_rate[:] = self._slide * self._holds
-        account[:] = power, lost + rubbed
+        account[:] = power + pushed, lost + rubbed
         height = pin.computePotentialEnergy(model.pin_model, self._data, full)
         height -= self._body.mass * float(self._gravity @ com)
         self.energy = kinetic + moving + stored + height
