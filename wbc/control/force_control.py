@@ -30,7 +30,9 @@ from wbc.control.state import Measurement
 from wbc.robot.dynamics import InverseDynamics
 from wbc.robot.kinematics import Kinematics
 from wbc.robot.model import RobotModel
+from wbc.rotations import cross
 
+_FIXED, _SLIDING = int(ContactMode.FIXED), int(ContactMode.SLIDING)
 _BALANCE = 0.05
 """λ of the internal forces: presses whose sum is this small beside them count half as internal."""
 
@@ -164,6 +166,7 @@ class Command(NamedTuple):
     status: TorqueStatus
 
 
+@kernel
 def internal_part(normals: Array, points: Array, mode: IntArray) -> Array:
     """(N, N) P: the part of normal force errors that the second stage acts on.
 
@@ -174,17 +177,28 @@ def internal_part(normals: Array, points: Array, mode: IntArray) -> Array:
     Args:
         normals: (N, 3) outward; points: (N, 3) from the object's origin [m].
     """
-    n = len(mode)
+    n = mode.shape[0]
     part = np.zeros((n, n))
-    slides = np.flatnonzero(mode == ContactMode.SLIDING)
-    part[slides, slides] = 1.0
-    holds = np.flatnonzero(mode == ContactMode.FIXED)
-    if len(holds):
-        length = max(float(np.linalg.norm(points[holds], axis=1).max()), 1e-9)
-        turning = np.cross(points[holds], normals[holds]) / length
-        wrench = np.hstack([normals[holds], turning])  # a row for each press
-        square = _BALANCE * _BALANCE * np.eye(len(holds))
-        part[np.ix_(holds, holds)] = np.linalg.solve(wrench @ wrench.T + square, square)
+    holds = np.flatnonzero(mode == _FIXED)
+    count = holds.shape[0]
+    for i in range(n):
+        if mode[i] == _SLIDING:
+            part[i, i] = 1.0
+    if count == 0:
+        return part
+    length = 1e-9
+    for k in range(count):
+        point = points[holds[k]]
+        length = max(length, np.sqrt(np.sum(point * point)))
+    wrench = np.empty((count, 6))  # a row for each press
+    for k in range(count):
+        wrench[k, :3] = normals[holds[k]]
+        wrench[k, 3:] = cross(points[holds[k]], normals[holds[k]]) / length
+    square = _BALANCE * _BALANCE * np.eye(count)
+    inside = np.linalg.solve(wrench @ wrench.T + square, square)
+    for k in range(count):
+        for j in range(count):
+            part[holds[k], holds[j]] = inside[k, j]
     return part
 
 
@@ -250,10 +264,8 @@ class ForceControl:
         if not self._usable(measured):
             return Command(state.tau.copy(), none, TorqueStatus.BAD_MEASUREMENT), state
         q, _, force = _all(measured)
-        touching = goal.mode != ContactMode.FREE
-        error = np.where(touching, np.einsum("ir,ir->i", goal.normals, force - goal.force), 0.0)
-        acted = internal_part(goal.normals, goal.points, goal.mode) @ error
-        gains, status = self.gains, TorqueStatus.OK
+        error, acted = _errors(goal, force)
+        touching, gains, status = goal.mode != ContactMode.FREE, self.gains, TorqueStatus.OK
         before = state._replace(integral=np.where(touching, state.integral, 0.0))
         now = before._replace(
             integral=np.clip(
@@ -288,9 +300,7 @@ class ForceControl:
         kin = self._kin.update(q)
         # the palm where it is, the finger as it should be
         wanted = self._wanted.update(np.where(self.fingers, track.q, q))
-        touching = goal.mode != ContactMode.FREE
-        error = np.where(touching, np.einsum("ir,ir->i", goal.normals, force - goal.force), 0.0)
-        acted = internal_part(goal.normals, goal.points, goal.mode) @ error
+        _, acted = _errors(goal, force)
         none = np.zeros(self._nv)
         tau = self._dynamics.torques(
             q, v if gains.inertia else none, track.a if gains.inertia else none
@@ -312,6 +322,13 @@ class ForceControl:
             np.shape(x) == size and _sound(x)
             for x, size in zip((measured.q, measured.v, measured.force), sizes, strict=True)
         )
+
+
+def _errors(goal: Goal, force: Array) -> tuple[Array, Array]:
+    """(N,) planned less measured normal forces, and the part of them that is acted on [N]."""
+    error = np.einsum("ir,ir->i", goal.normals, force - goal.force)
+    error[goal.mode == ContactMode.FREE] = 0.0
+    return error, internal_part(goal.normals, goal.points, goal.mode) @ error
 
 
 def _sound(values: Array | IntArray) -> bool:

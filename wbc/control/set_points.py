@@ -13,12 +13,43 @@ from typing import final
 import numpy as np
 
 from wbc.arrays import Array, IntArray
+from wbc.compiled import kernel
 from wbc.contact.grasp import ContactMode, Grasp
 from wbc.control.payload import Payload, wrench_to_supply
 from wbc.control.references import Motion, References, object_acceleration
 from wbc.control.state import TickRecord
+from wbc.rotations import cross
 
 _RANK = 1e-6  # share of the largest singular value below which a direction of balance is none
+
+
+@kernel
+def _to_balance(
+    points: Array, press: Array, borne: Array, holds: IntArray, width: int, grasp: Array,
+    left: Array,
+) -> None:  # fmt: skip
+    """Wrenches of forces in proportion to the presses, and what is left to be supplied.
+
+    Moments are in newtons, at the distance of the furthest contact.
+
+    Args:
+        borne: (N, 3) forces that are there [N].
+        holds: (h,) fingers whose forces may change, in `width` directions each.
+        grasp: (6, h width) filled; left: (6,) the wrench to be supplied, what is borne taken off.
+    """
+    length = 1e-9
+    for i in range(points.shape[0]):
+        length = max(length, np.sqrt(np.sum(points[i] * points[i])))
+        left[:3] -= borne[i]
+        left[3:] -= cross(points[i], borne[i])
+    left[3:] /= length
+    axis = np.zeros(3)
+    for k in range(holds.shape[0]):
+        for r in range(width):
+            axis[:] = 0.0
+            axis[r] = press[holds[k]]
+            grasp[:3, k * width + r] = axis
+            grasp[3:, k * width + r] = cross(points[holds[k]], axis) / length
 
 
 def balanced(
@@ -46,18 +77,11 @@ def balanced(
     if not len(holds):
         return force
     rows, width = ([0, 1, 5], 2) if planar else ([0, 1, 2, 3, 4, 5], 3)
-    moments = np.cross(points[:, None, :], np.eye(3))  # (N, 3 axes of the force, 3)
-    grasp = np.zeros((6, len(holds) * width))
-    for k, i in enumerate(holds):
-        column = slice(k * width, (k + 1) * width)
-        grasp[:3, column] = press[i] * np.eye(3)[:, :width]
-        grasp[3:, column] = press[i] * moments[i, :width].T
     holding = (mode == ContactMode.FIXED)[:, None]
     borne = force if found is None else np.where(holding, force, found)
-    left = wrench - np.concatenate([borne.sum(axis=0), np.cross(points, borne).sum(axis=0)])
-    length = max(float(np.linalg.norm(points, axis=1).max()), 1e-9)  # moments in newtons
-    scale = np.array([1.0, 1.0, 1.0, length, length, length])[rows]
-    share = np.linalg.lstsq(grasp[rows] / scale[:, None], left[rows] / scale, rcond=_RANK)[0]
+    grasp, left = np.zeros((6, len(holds) * width)), np.array(wrench)
+    _to_balance(points, press, borne, holds, width, grasp, left)
+    share = np.linalg.lstsq(grasp[rows], left[rows], rcond=_RANK)[0]
     force[holds, :width] += press[holds, None] * share.reshape(-1, width)
     return force
 

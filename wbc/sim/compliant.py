@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, TypeAlias, final
 
 import numpy as np
@@ -98,6 +99,14 @@ def _joint_accelerations(
 
 
 @kernel
+def _pushed(push: Array, arm: Array, velocity: Array, spin: Array, wrench: Array) -> float:
+    """Add a force at `arm` from the centre of mass to the wrench about it; its power."""
+    wrench[:3] += push
+    wrench[3:] += cross(arm, push)
+    return float(np.sum(push * (velocity + cross(spin, arm))))
+
+
+@kernel
 def _body_rates(
     rotation: Array, phi: Array, velocity: Array, spin: Array, mass: float, inertia: Array,
     gravity: Array, planar: bool, wrench: Array, out: Array,
@@ -157,8 +166,10 @@ class CompliantPlant(Plant):
         self._holds: BoolArray = np.ones(n, dtype=np.bool_)
         self._mu: Array = np.array(physics.friction)
         # q, v, then position, φ, velocity, spin of the object, bristles, slip, work, lost
-        self._cut = np.cumsum([nv, nv, 3, 3, 3, 3, 3 * n, n])
-        self._y: Array = np.zeros(int(self._cut[-1]) + 2)
+        ends = np.cumsum([0, nv, nv, 3, 3, 3, 3, 3 * n, n, 2]).tolist()
+        self._slices = [slice(a, b) for a, b in pairwise(ends)]
+        self._body_rates = slice(ends[2], ends[6])
+        self._y: Array = np.zeros(ends[-1])
         self._rotation: Array = np.eye(3)  # at the start of the step; φ is from there
         self._force: Array = np.zeros((n, 3))
         self._wrench: Array = np.zeros(6)
@@ -229,7 +240,7 @@ class CompliantPlant(Plant):
         return self._advanced(lambda elapsed: feedback(elapsed, self._measured()), dt)
 
     def _parts(self, y: Array) -> list[Array]:
-        return np.split(y, self._cut)
+        return [y[part] for part in self._slices]
 
     def _measured(self) -> Measurement:
         return Measurement(self._kin.q.copy(), self._v, self._force.copy())
@@ -278,9 +289,7 @@ class CompliantPlant(Plant):
             com, velocity, spin, *pads, self._mu, bristles.reshape(-1, 3), self._force,
             bristle_rate.reshape(-1, 3), self._slide, self._wrench,
         )  # fmt: skip
-        arm = origin - com
-        self._wrench += np.concatenate([self._push, np.cross(arm, self._push)])
-        pushed = float(self._push @ (velocity + np.cross(spin, arm)))
+        pushed = _pushed(self._push, origin - com, velocity, spin, self._wrench)
         tau = torques(elapsed)
         full = model.full(q)
         full_v = model.ratio * v[model.master]
@@ -290,10 +299,9 @@ class CompliantPlant(Plant):
             mass, drift, v, tau, self._force, kin.linear, given.armature, given.joint_damping,
             model.master, model.ratio, v_rate,
         )  # fmt: skip
-        body = out[self._cut[1] : self._cut[5]]
         moving = _body_rates(
             rotation, phi, velocity, spin, self._body.mass, self._inertia, self._gravity,
-            self._planar, self._wrench, body,
+            self._planar, self._wrench, out[self._body_rates],
         )  # fmt: skip
         q_rate[:] = v
         slip_rate[:] = self._slide * self._holds
