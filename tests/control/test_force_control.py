@@ -122,6 +122,22 @@ def test_position_errors_are_of_the_tip_relative_to_the_palm(model: RobotModel) 
     assert before.status == after.status == TorqueStatus.OK
 
 
+def test_position_errors_in_the_world_let_fingers_make_up_for_their_arm(model: RobotModel) -> None:
+    goal, measured = situation(model)
+    control = ForceControl(model, TIPS, gains(model, relative=False))
+    fingers, rest = own(model), settled(control, goal)
+    sagged = measured._replace(q=np.where(fingers, goal.q, goal.q + 1e-3))
+    wanted = tips(model, goal.q).position.copy()
+    kin = tips(model, sagged.q)
+    push = goal.force + 600.0 * (wanted - kin.position)
+    expected = np.einsum("irj,ir->j", kin.linear, push) + gravity(model, sagged.q)
+    command, _ = control.step(rest, goal, sagged, DT)
+    assert np.linalg.norm(wanted - kin.position, axis=1).min() > 5e-4
+    assert command.tau[fingers] == pytest.approx(expected[fingers], abs=1e-9)
+    low = np.einsum("irj,ir->j", kin.linear, goal.force) + gravity(model, sagged.q)
+    assert command.tau[~fingers] == pytest.approx(low[~fingers], abs=1e-9)  # arms by their joints
+
+
 def test_internal_force_errors_are_acted_on_and_others_are_not(model: RobotModel) -> None:
     goal, measured = situation(model)
     control = ForceControl(model, TIPS, gains(model))

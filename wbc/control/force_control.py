@@ -6,8 +6,8 @@ The torques are held over the tick, as on a robot.
 
 Where the chapter is silent or printed otherwise:
 
-- Δp is of the tip relative to the palm: arms are position-controlled, and a finger does not make
-  up for their errors.
+- Δp is of the tip in the world, so that fingers make up for the errors of their arm, or relative
+  to the palm: the text has both.
 - k_d acts on q̇ − q̇_d: as printed, a finger that slides would press against its own motion.
 - f_d has the planned friction, too, and force errors are taken along the normal.
 - Only errors of internal forces are acted on: of the fingers that hold, what their normals can
@@ -70,6 +70,8 @@ class ForceGains:
         joint_windup: (nv,) largest torque of that [Nm].
         tau_min, tau_max: (nv,) [Nm].
         inertia: feed the torques of the commanded acceleration forward, beside those of gravity.
+        relative: Δp is of the tip relative to the palm; else in the world, and fingers make up for
+            the errors of their arm, too.
     """
 
     position: Array
@@ -83,6 +85,7 @@ class ForceGains:
     tau_min: Array
     tau_max: Array
     inertia: bool
+    relative: bool = True
 
 
 class Goal(NamedTuple):
@@ -298,8 +301,9 @@ class ForceControl:
         gains, track = self.gains, state.track.at(elapsed)
         q, v, force = _all(measured)
         kin = self._kin.update(q)
-        # the palm where it is, the finger as it should be
-        wanted = self._wanted.update(np.where(self.fingers, track.q, q))
+        # about the palm where it is, or where it should be
+        arms = q if gains.relative else track.q
+        wanted = self._wanted.update(np.where(self.fingers, track.q, arms))
         _, acted = _errors(goal, force)
         none = np.zeros(self._nv)
         tau = self._dynamics.torques(

@@ -147,6 +147,7 @@ def _gains(
         tau_min=-limit,
         tau_max=limit,
         inertia=given.inertia,
+        relative=given.position_in == "palm",
     )
 
 

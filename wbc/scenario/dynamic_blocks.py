@@ -109,6 +109,11 @@ class ForceControl(Block):
     damping: TurningDampingBy = Field(
         default={EVERY: 5.0}, description="k_d of finger joints, by joint or pattern"
     )
+    position_in: Literal["palm", "world"] = Field(
+        default="palm",
+        description="where k_P holds a tip: world, errors of the arms made up for; or about its "
+        "palm, wherever that is",
+    )
     arms: Arms = Field(default_factory=Arms)
     inertia: Flag = Field(
         default=True,
