@@ -40,7 +40,9 @@ def lines() -> list[str]:
             continue
         error = 1e-3 * number
         reason = f"dropped after {0.1 * number:.3g} s: <too heavy>"
-        found.append(trial(number, not heavy, drawn, reason, object_error_max_m=error))
+        found.append(
+            trial(number, not heavy, drawn, reason, object_error_max_m=error, duration=2.0)
+        )
     return found
 
 

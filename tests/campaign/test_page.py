@@ -56,6 +56,7 @@ def test_the_page_is_whole_and_right() -> None:
     assert "object, error [mm] 20 37.1 39 0" in text
     charts = [attrs["aria-label"] for tag, attrs in reader.seen if "aria-label" in attrs]
     assert {"object, error [mm]", "mass", "friction", "position.x"} <= set(charts)
+    assert "duration [s] 2 2 2 2" in text and "duration [s]" not in charts  # in all the same
 
 
 def test_every_trial_is_in_the_bars() -> None:

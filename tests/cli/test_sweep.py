@@ -22,6 +22,7 @@ from wbc.cli import sweep as command
 from wbc.cli.trial import run_trial
 from wbc.recording import Log
 from wbc.scenario import load
+from wbc.sim.disturbances import Ranges, draw
 
 from . import light
 from .shell import SHORT, children, finish, gone, start, wbc
@@ -240,6 +241,24 @@ def test_a_trial_that_cannot_start_is_a_failure_with_its_reason(tmp_path: Path) 
     assert summary["success"] is False
     assert summary["reason"].startswith("refused: it.yaml: ")
     assert str(Path.cwd()) not in summary["reason"]
+
+
+def test_what_is_drawn_is_in_the_line_and_in_the_summary(tmp_path: Path) -> None:
+    loaded = load("planar_exchange_dynamic")
+    settings = {
+        "simulation.duration": "10 ms",
+        "simulation.disturbances": "{mass: 30 %, position: 1 mm, delay: 3 ms}",
+        "simulation.seed": 77,
+    }
+    trial = Trial(
+        0, 77, loaded.text.encode(), loaded.path, "it.yaml", settings, {}, tmp_path, "all"
+    )
+    expected = draw(Ranges(mass=0.3, position=0.001, delay=0.003), 77, planar=True).as_record()
+    expected = json.loads(json.dumps(expected))
+    line = json.loads(run_trial(trial).line)
+    assert line["disturbance"] == expected
+    assert "disturbance" not in line["summary"]
+    assert json.loads((tmp_path / "summary.json").read_text())["disturbance"] == expected
 
 
 def test_without_dask_one_line_says_what_to_install(

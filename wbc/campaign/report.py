@@ -23,7 +23,7 @@ h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2rem; }
 table { border-collapse: collapse; } th, td { text-align: left; padding: .2rem .9rem .2rem 0;
   border-bottom: 1px solid #ddd; vertical-align: top; } td.n, th.n { text-align: right; }
 code { font-size: .9em; overflow-wrap: anywhere; } .charts { display: flex; flex-wrap: wrap;
-  gap: 1rem; } figure { margin: 0; } figcaption { font-size: .9em; }
+  gap: 1rem; margin-top: 1rem; } figure { margin: 0; } figcaption { font-size: .9em; }
 .good { fill: #4878a8; } .bad { fill: #c8483c; } svg text { font-size: 11px; fill: #555; }
 """
 
@@ -63,7 +63,7 @@ def page(figures: Figures, about: Mapping[str, Any]) -> str:
             ("", "median", "95 %", "largest", "smallest"),
             [(n, *map(_short, _spread(v))) for n, v in figures.measures.items()],
         ),
-        _legend(figures),
+        _legend() if figures.measures else "",
         _charts(figures, figures.measures),
         *_causes(figures),
     ]
@@ -141,23 +141,25 @@ def _causes(figures: Figures) -> list[str]:
     return [*parts, _charts(figures, {name: figures.drawn[name] for name in names})]
 
 
-def _legend(figures: Figures) -> str:
-    if not len(figures.success):
-        return ""
+def _legend() -> str:
     box = '<svg width="12" height="12"><rect class="{}" width="12" height="12"/></svg> {}'
     return f"<p>{box.format('good', 'successes')} &nbsp; {box.format('bad', 'failures')}</p>"
 
 
 def _charts(figures: Figures, columns: Mapping[str, Array]) -> str:
-    drawn = [_chart(name, values, figures.success) for name, values in columns.items()]
+    drawn = [
+        _chart(name, values, figures.success)
+        for name, values in columns.items()
+        if np.nanmax(values) > np.nanmin(values)
+    ]
     return '<div class="charts">\n' + "\n".join(drawn) + "\n</div>" if drawn else ""
 
 
 def _chart(name: str, values: Array, success: BoolArray) -> str:
-    """Histogram, failures on top of successes."""
+    """Histogram of values that differ, failures on top of successes."""
     known = ~np.isnan(values)
     low, high = float(values[known].min()), float(values[known].max())
-    edges = np.linspace(low, high, _BINS + 1) if high > low else np.array([low - 0.5, low + 0.5])
+    edges = np.linspace(low, high, _BINS + 1)
     good = np.histogram(values[known & success], edges)[0]
     bad = np.histogram(values[known & ~success], edges)[0]
     scale, width = _HEIGHT / max(int((good + bad).max()), 1), _WIDTH / len(good)
