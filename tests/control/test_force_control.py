@@ -40,7 +40,7 @@ def model() -> RobotModel:
 def gains(model: RobotModel, **changes: object) -> ForceGains:
     one, joints = np.ones(3), np.ones(model.nv)
     made = ForceGains(
-        position=600.0 * one, force=0.5 * one, integral=5.0 * one, windup=2.0 * one,
+        position=600.0 * one, force=0.5 * one, integral=5.0 * one, smoothing=0.0, windup=2.0 * one,
         damping=0.03 * joints, stiffness=0.0 * joints, joint_integral=0.0 * joints,
         joint_windup=5.0 * joints, tau_min=-1e3 * joints, tau_max=1e3 * joints, inertia=False,
     )  # fmt: skip
@@ -173,6 +173,24 @@ def test_the_internal_part_is_smooth_and_sliding_tips_stand_for_themselves() -> 
         assert np.abs(part - last).max() < 2e-2
         last = part
     assert np.linalg.norm(last[:2, :2] @ [1.0, 1.0]) < 0.1
+
+
+def test_smoothed_errors_come_up_at_their_time_constant(model: RobotModel) -> None:
+    goal, measured = situation(model)
+    quick = gains(model, integral=np.zeros(3))
+    slow = replace(quick, smoothing=0.01)
+    weak = measured._replace(force=0.9 * goal.force)
+    whole, _ = ForceControl(model, TIPS, quick).step(
+        settled(ForceControl(model, TIPS, quick), goal), goal, weak, DT
+    )
+    control = ForceControl(model, TIPS, slow)
+    state = settled(control, goal)
+    base, _ = control.step(state, goal, measured, DT)
+    for k in range(1, 11):
+        command, state = control.step(state, goal, weak, DT)
+        share = 1.0 - np.exp(-k * DT / 0.01)
+        expected = share * (whole.tau - base.tau)
+        assert command.tau - base.tau == pytest.approx(expected, abs=1e-9)
 
 
 def test_the_integrator_stops_at_its_bound_and_comes_back(model: RobotModel) -> None:

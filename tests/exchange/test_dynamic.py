@@ -39,7 +39,7 @@ def test_contact_forces_are_those_planned(log: Log) -> None:
 def test_nothing_slips_and_the_joints_have_torque_to_spare(log: Log) -> None:
     facts = outcome(log)
     assert facts["success"], facts["reason"]
-    assert facts["slip_max_m"] < 1e-9
+    assert facts["slip_max_m"] < 1e-6  # what f1, f2 do as they let go
     assert facts["contact_lost_s"] == 0.0
     assert facts["tau_max_ratio"] < 0.5
     assert not any(facts["torque_status"].values())
@@ -76,15 +76,24 @@ def test_a_contour_or_pads_that_are_not_as_believed(what: str) -> None:
 @pytest.mark.parametrize(
     "settings",
     [
-        {"force_control.force": 0.3},  # half as much again as the scenario's
-        {"force_control.integral": "40 /s"},
+        {"force_control.force": 0.5},  # 2.5 times the scenario's
+        {"force_control.force": 0.3, "force_control.smoothing": 0},
+        {"force_control.integral": "60 /s"},  # 3 times
+        {"force_control.position": "4000 N/m"},  # twice
+        {"force_control.damping": "10 Nm s/rad"},  # twice
+        {"force_control.arms.damping": "120 Nm s/rad"},  # twice
+        {"simulation.step": "3 ms"},  # a tick half as long again
         {"simulation.physics.step": "0.5 ms"},
         {"simulation.physics.step": "2 ms"},
         {"simulation.physics.sliding_friction": 0.1},
         {"force_control.position_in": "palm"},
-        {"simulation.physics.control": "continuous", "force_control.force": 1.0},
+        {
+            "simulation.physics.control": "continuous",
+            "force_control.force": 1.0,
+            "force_control.smoothing": 0,
+        },
     ],
-    ids=lambda settings: " ".join(map(str, settings.values())),
+    ids=lambda settings: " ".join(f"{key.split('.')[-1]}={x}" for key, x in settings.items()),
 )
 def test_held_torques_are_stable_with_a_margin(settings: dict[str, object]) -> None:
     log = exchanged({"simulation.duration": "4 s"} | settings)

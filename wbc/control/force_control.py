@@ -17,6 +17,7 @@ Where the chapter is silent or printed otherwise:
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import IntFlag
 from typing import NamedTuple, final
@@ -63,6 +64,7 @@ class ForceGains:
         position: (N,) k_P of the tips [N/m].
         force: (N,) k_F [1].
         integral: (N,) k_I [1/s].
+        smoothing: [s] time constant of the force errors that k_F acts on; 0: as they are measured.
         windup: (N,) largest force that an integrator adds [N].
         damping: (nv,) k_d of finger joints and damping of the others [Nm s/rad].
         stiffness: (nv,) of the joints [Nm/rad]; 0 for finger joints unless a posture is wanted.
@@ -77,6 +79,7 @@ class ForceGains:
     position: Array
     force: Array
     integral: Array
+    smoothing: float
     windup: Array
     damping: Array
     stiffness: Array
@@ -144,12 +147,14 @@ class TorqueState(NamedTuple):
 
     Attributes:
         integral: (N,) what the integrators add to the presses [N].
+        error: (N,) the internal force errors, smoothed [N].
         joint_integral: (nv,) what they add to the torques [Nm].
         tau: (nv,) the last torques.
         track: the reference.
     """
 
     integral: Array
+    error: Array
     joint_integral: Array
     tau: Array
     track: Track
@@ -252,9 +257,8 @@ class ForceControl:
     def init(self) -> TorqueState:
         """Before the first tick: at rest, integrators too."""
         none = np.zeros(self._nv)
-        return TorqueState(
-            np.zeros(len(self._own)), none, none, Track(none, none, none, none, none)
-        )
+        tips, track = np.zeros(len(self._own)), Track(none, none, none, none, none)
+        return TorqueState(tips, tips, none, none, track)
 
     def step(
         self, state: TorqueState, goal: Goal, measured: Measurement, dt: float
@@ -270,7 +274,9 @@ class ForceControl:
         error, acted = _errors(goal, force)
         touching, gains, status = goal.mode != ContactMode.FREE, self.gains, TorqueStatus.OK
         before = state._replace(integral=np.where(touching, state.integral, 0.0))
+        share = 1.0 - math.exp(-dt / gains.smoothing) if gains.smoothing > 0.0 else 1.0
         now = before._replace(
+            error=np.where(touching, state.error + share * (acted - state.error), 0.0),
             integral=np.clip(
                 before.integral + dt * gains.integral * acted, -gains.windup, gains.windup
             ),
@@ -304,7 +310,7 @@ class ForceControl:
         # about the palm where it is, or where it should be
         arms = q if gains.relative else track.q
         wanted = self._wanted.update(np.where(self.fingers, track.q, arms))
-        _, acted = _errors(goal, force)
+        acted = state.error if gains.smoothing > 0.0 else _errors(goal, force)[1]
         none = np.zeros(self._nv)
         tau = self._dynamics.torques(
             q, v if gains.inertia else none, track.a if gains.inertia else none

@@ -139,6 +139,7 @@ def _gains(
         position=_by(given.position, fingers, 2000.0),
         force=_by(given.force, fingers, 0.2),
         integral=_by(given.integral, fingers, 20.0),
+        smoothing=given.smoothing,
         windup=_by(given.windup, fingers, 5.0),
         damping=np.where(arm, _by(arms.damping, names, 100.0), _by(given.damping, names, 5.0)),
         stiffness=stiffness,

@@ -18,6 +18,7 @@ from wbc.scenario.units import (
     Quantity,
     RateFromZero,
     Stiffness,
+    Time,
     TorqueBound,
     TurningDamping,
     TurningStiffness,
@@ -102,6 +103,9 @@ class ForceControl(Block):
 
     position: StiffnessBy = Field(default={EVERY: 2000.0}, description="k_P; by contact")
     force: NumberBy = Field(default={EVERY: 0.2}, description="k_F; by contact")
+    smoothing: Time = Field(
+        default=0.0, description="time constant of the force errors that k_F acts on"
+    )
     integral: RateBy = Field(default={EVERY: 20.0}, description="k_I; by contact")
     windup: ForceBy = Field(
         default={EVERY: 5.0}, description="largest force of the integrators; by contact"
