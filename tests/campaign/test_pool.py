@@ -122,3 +122,8 @@ def test_processes_that_cannot_start_are_told_once(
     with pytest.raises(WbcError, match="end as soon as they are started"):
         list(in_processes(work.square, tasks(3, tmp_path), 2, never))
     capfd.readouterr()
+
+
+def test_ctrl_c_is_not_for_the_processes(tmp_path: Path) -> None:
+    done = [r for _, r in in_processes(work.interrupts, tasks(3, tmp_path), 2, never)]
+    assert sorted(n for n in done if n is not None) == [0, 1, 2]

@@ -54,3 +54,9 @@ def sleeps(task: Task) -> int:
     (task.folder / f"pid.{os.getpid()}").touch()
     time.sleep(60.0)
     return task.number
+
+
+def interrupts(task: Task) -> int:
+    """Ctrl-C reaches the processes of a terminal, too."""
+    os.kill(os.getpid(), signal.SIGINT)
+    return task.number

@@ -14,6 +14,7 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any, Final, Generic, TypeVar, final
 
@@ -144,6 +145,7 @@ class _Pool(Generic[T, R]):
 
 def _serve(work: Callable[[Any], Any], pipe: Connection) -> None:
     """The life of a process: ready, then task by task until the pipe ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who started it
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
         pipe.send(None)
@@ -161,7 +163,8 @@ def _end_with_parent() -> None:
 
 @contextlib.contextmanager
 def _without_interrupt() -> Iterator[None]:
-    """For processes started meanwhile: Ctrl-C is a matter of the one who started them."""
+    """For processes started meanwhile, until they look after Ctrl-C themselves."""
+    resource_tracker.ensure_running()  # or it is started next, and lets the signal through again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
