@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.sim.worlds import grippers, holding, probe
+from tests.sim.worlds import PROBE, grippers, holding, pads, probe
+from wbc import resources
 from wbc.arrays import Array
 from wbc.contact.grasp import ContactMode
 from wbc.contact.surfaces.box import Box
 from wbc.contact.surfaces.sphere import Sphere
+from wbc.robot.dynamics import InverseDynamics
+from wbc.robot.model import RobotModel, load_robot
 from wbc.rotations import exp_so3
-from wbc.sim.compliant import CompliantPlant, FreeBody
+from wbc.sim.compliant import CompliantPlant, FreeBody, Physics
 from wbc.sim.plant import Sensed
 
 STEPS = (1e-3, 5e-4, 2.5e-4)
@@ -185,6 +189,61 @@ def test_a_tip_that_comes_from_afar_touches_a_round_body_and_leaves_it() -> None
     assert 0.85 < first * 1e-3 < 0.92 and last - first < 30
     assert plant.energy == pytest.approx(energy - plant.lost, rel=3e-3)
     assert 0.0 < plant.lost < 0.2 * energy
+
+
+@pytest.fixture(scope="module")
+def hands() -> tuple[RobotModel, CompliantPlant]:
+    """Two arms with hands whose finger joints follow each other, and a ball far away."""
+    model = load_robot(resources.find("urdf", "dual_arm"))
+    assert model.n_full > model.nv
+    one, none = np.ones(1), np.zeros(model.nv)
+    given = Physics(1e-3, 0.8 * one, 0.0 * one, none, none)
+    body = FreeBody(0.2, np.zeros(3), np.full(3, 1e-4))
+    plant = CompliantPlant(model, ("right_thumb_tip",), Sphere(0.035), body, pads(1), given)
+    return model, plant
+
+
+def test_joints_that_follow_others_carry_their_share(
+    hands: tuple[RobotModel, CompliantPlant],
+) -> None:
+    model, plant = hands
+    rng = np.random.default_rng(7)
+    q = 0.5 * (model.lower + model.upper) + 0.1 * rng.normal(size=model.nv)
+    v, tau = 0.5 * rng.normal(size=model.nv), 0.02 * rng.normal(size=model.nv)
+    plant.reset(q, v, np.array([9.0, 0.0, 0.0]), np.eye(3))
+    h = 1e-7
+    a = (plant.step(tau, h).v - v) / h
+    found = InverseDynamics(model).torques(q, v, a)
+    assert np.abs(a).max() > 10.0
+    assert found == pytest.approx(tau, abs=1e-4)
+
+
+def test_energy_of_a_robot_in_space_with_coupled_joints(
+    hands: tuple[RobotModel, CompliantPlant],
+) -> None:
+    model, plant = hands
+    q = 0.5 * (model.lower + model.upper)
+    sensed = plant.reset(q, np.zeros(model.nv), np.array([9.0, 0.0, 0.0]), np.eye(3))
+    energy = plant.energy
+    tau = InverseDynamics(model).torques(q, sensed.v, sensed.v)
+    tau += 1e-3 * np.random.default_rng(8).normal(size=model.nv)
+    for _ in range(50):
+        sensed = plant.step(tau, 1e-3)
+    assert np.abs(sensed.v).max() > 0.1
+    assert plant.energy == pytest.approx(energy + plant.work - plant.lost, abs=1e-9)
+
+
+def test_armature_and_joint_friction() -> None:
+    model = load_robot(Path("probe.urdf"), text=PROBE)
+    model.pin_model.gravity.linear = np.zeros(3)
+    armature, rubbing = np.array([0.5, 1.5, 0.0]), np.array([0.0, 0.0, 2.0])
+    given = Physics(1e-3, np.ones(1), np.zeros(1), armature, rubbing)
+    plant = CompliantPlant(model, ("tip",), Sphere(0.05), WALL, pads(1), given)
+    plant.reset(np.ones(3), np.array([0.0, 0.0, 1.0]), np.zeros(3), np.eye(3))
+    for _ in range(100):
+        sensed = plant.step(np.array([1.0, 1.0, 0.0]), 1e-3)
+    assert sensed.v == pytest.approx([0.1 / 1.0, 0.1 / 2.0, np.exp(-0.1 * 2.0 / 0.5)], rel=1e-9)
+    assert plant.lost == pytest.approx(0.25 * (1.0 - sensed.v[2] ** 2), rel=1e-9)
 
 
 def test_a_push_and_a_lost_contact() -> None:
