@@ -14,7 +14,9 @@ from wbc.control.state import DynamicsRecord
 from wbc.errors import WbcError
 from wbc.recording import Log, Recorder, summarize
 from wbc.recording.dynamic_facts import object_error_true
+from wbc.recording.dynamic_plots import torques
 from wbc.recording.log import DYNAMICS
+from wbc.recording.plots import plot
 from wbc.rotations import exp_so3
 
 LIMITED = replace(META, tau_min=(-0.5, -0.5, -np.inf), tau_max=(0.5, 0.5, np.inf))
@@ -126,6 +128,18 @@ def test_a_dropped_object_is_no_success(change: dict[str, object]) -> None:
     facts = summarize(run(k55=change))
     assert facts["dropped"] is True
     assert "the object was dropped at 0.55 s" in facts["violations"]
+
+
+def test_a_run_under_torques_has_a_picture_of_them(tmp_path: Path) -> None:
+    files = plot(run(), tmp_path)
+    assert "torques.png" in {file.name for file in files}
+    assert "torques.png" not in {file.name for file in plot(recorded(60), tmp_path / "ideal")}
+    curves = [
+        [line.get_ydata()[5] for line in axes.lines if len(line.get_ydata()) == 60]
+        for axes in torques(run()).axes
+    ]  # beside lines at the phases
+    assert [curve[0] for curve in curves] == pytest.approx([2.0, 1.0, 4.1, 0.1, 0.4])
+    assert curves[2][1] == pytest.approx(4.0)
 
 
 def test_large_angles_are_told_as_small_ones_are() -> None:

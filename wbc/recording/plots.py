@@ -15,6 +15,7 @@ from matplotlib.patheffects import withStroke
 
 from wbc.arrays import Array, BoolArray
 from wbc.errors import WbcError
+from wbc.recording.dynamic_plots import torques
 from wbc.recording.figures import (
     COLORS,
     DASHES,
@@ -42,7 +43,7 @@ def plot(log: Log, out_dir: str | os.PathLike[str]) -> list[Path]:
 
     Returns:
         The files: ``object_error``, ``residuals``, ``tasks``, ``stack``, ``motion``, ``safety``,
-        and where contact forces were planned ``forces``.
+        where contact forces were planned ``forces``, and where torques moved the robot ``torques``.
 
     Raises:
         WbcError: nothing was recorded, or a file cannot be written.
@@ -59,6 +60,8 @@ def plot(log: Log, out_dir: str | os.PathLike[str]) -> list[Path]:
     }
     if log.plans_forces:
         figures["forces"] = forces
+    if log.dynamic:
+        figures["torques"] = torques
     files = []
     with style(), np.errstate(all="ignore"):  # a run that went wrong is still drawn
         for name, draw in figures.items():
