@@ -77,6 +77,7 @@ def parser() -> argparse.ArgumentParser:
     )
     commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
     _add_run(commands)
+    _add_sweep(commands)
     _add_check(commands)
     _add_view(commands)
     _add_plot(commands)
@@ -111,6 +112,34 @@ def _add_run(commands: Any) -> None:
         "--realtime", action="store_true", help="at the pace of the clock (default with --view)"
     )
     pace.add_argument("--fast", action="store_true", help="as fast as it goes (default without)")
+
+
+def _add_sweep(commands: Any) -> None:
+    text = "many trials of a scenario, each by its own seed: DIR/trials.jsonl, DIR/report.html"
+    sweep = _add(commands, "sweep", text, "sweep")
+    sweep.add_argument("scenario", metavar="NAME_OR_FILE", help=_SCENARIO)
+    sweep.add_argument("--trials", type=_count, default=100, metavar="N", help="(default: 100)")
+    where = sweep.add_mutually_exclusive_group()
+    where.add_argument(
+        "--workers", type=_count, metavar="W", help="processes at a time (default: one per core)"
+    )
+    where.add_argument(
+        "--scheduler", metavar="ADDRESS", help="of dask.distributed, e.g. tcp://127.0.0.1:8786"
+    )
+    sweep.add_argument(
+        "--out", metavar="DIR", help="folder of the results, resumed if it has some of this "
+        "campaign (default: sweeps/NAME)",
+    )  # fmt: skip
+    _add_settings(sweep)
+    sweep.add_argument(
+        "--vary", action="append", default=[], metavar="KEY=RANGE",
+        help="draw a value of the scenario from itself ± RANGE, in its unit or in %%, "
+        "e.g. --vary object.pose.position[0]=2cm (repeatable)",
+    )  # fmt: skip
+    sweep.add_argument(
+        "--keep", choices=("failed", "all", "none"), default="failed",
+        help="whose logs stay in DIR/trials/NNNN, for wbc view and wbc plot (default: failed)",
+    )  # fmt: skip
 
 
 def _add_check(commands: Any) -> None:
@@ -183,6 +212,13 @@ def _port(text: str) -> int:
     number = int(text) if text.isdecimal() and len(text) < 6 else 0
     if not 0 < number < 65536:
         raise argparse.ArgumentTypeError(f"'{text}' is no port: 1 to 65535")
+    return number
+
+
+def _count(text: str) -> int:
+    number = int(text) if text.isdecimal() and len(text) < 8 else 0
+    if not number:
+        raise argparse.ArgumentTypeError(f"'{text}' is no number of them: 1 to 9999999")
     return number
 
 

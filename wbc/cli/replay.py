@@ -8,6 +8,8 @@ import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from dataclasses import replace as changed
+from functools import cached_property
 from pathlib import Path
 from typing import final
 
@@ -102,6 +104,14 @@ class Film:
     grasp: Grasp
     arrows: ArrowMaker | None
 
+    @cached_property
+    def shown(self) -> Log:
+        """The log with robot and object where they were, also where torques moved them."""
+        log = self.log
+        if not log.dynamic or not np.isfinite(log.q_meas).all():
+            return log
+        return changed(log, q=log.q_meas, object_pose=log.object_pose_true)
+
     def thinned(self, fps: float) -> list[int]:
         """Ticks for at most `fps` pictures per second, with the first and the last."""
         frame = np.floor((self.log.t - self.log.t[0]) * fps + 1e-6)
@@ -117,7 +127,7 @@ class Film:
                 name = log.all_task_names[log.event_task[told]]
                 maker.text = event_text(log.event_t[told], name, bool(log.event_inserted[told]))
                 told += 1
-            yield maker.of_row(log, int(k))
+            yield maker.of_row(self.shown, int(k))
 
 
 def open_film(run: str) -> Film:

@@ -23,6 +23,7 @@ def report_lines(summary: dict[str, Any], took: float, *, balances: bool = True)
         ("object error", _object(summary)),
         ("force closure", _closure(summary, balances)),
         ("forces", _forces(summary)),
+        ("under torques", _torques(summary)),
         ("stack", _stack(summary)),
         ("joints", _joints(summary)),
         ("distance", _distance(summary)),
@@ -60,6 +61,23 @@ def _closure(summary: dict[str, Any], balances: bool) -> str:
     when = "not reached" if since is None else f"both below {closure['threshold']:.0e} "
     when += "" if since is None else f"from {since:.2f} s on"
     return f"eps_f {closure['eps_f']:.1e}, eps_m {closure['eps_m']:.1e} m² at the end; {when}"
+
+
+def _torques(summary: dict[str, Any]) -> str:
+    """Where the object went, contact and slip, and how near the torques came to their limits."""
+    if "dropped" not in summary:
+        return ""
+    worst = max((x for x in summary["force_error_max_n"].values() if x is not None), default=0.0)
+    parts = [
+        f"object at most {1e3 * (summary['object_error_max_m'] or 0.0):.3g} mm, "
+        f"{1e3 * (summary['object_error_max_rad'] or 0.0):.3g} mrad off",
+        f"force error at most {worst:.2g} N",
+        f"slip {1e3 * (summary['slip_max_m'] or 0.0):.2g} mm",
+        f"a contact lost for {summary['contact_lost_s']:.3g} s",
+    ]
+    if summary["tau_max_ratio"] is not None:
+        parts.append(f"torques up to {100 * summary['tau_max_ratio']:.0f} % of their limits")
+    return ", ".join(parts)
 
 
 def _forces(summary: dict[str, Any]) -> str:

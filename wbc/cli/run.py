@@ -1,4 +1,4 @@
-"""``wbc run``: a scenario on an ideal robot, recorded, and followed in a browser if asked for."""
+"""``wbc run``: a scenario, its robot ideal or under torques, recorded, and shown if asked for."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ import contextlib
 import math
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
+
+import numpy as np
 
 from wbc.cli.interrupt import Interrupts
 from wbc.cli.progress import Progress, SlowNotice
@@ -30,8 +33,11 @@ from wbc.errors import SetupError, WbcError
 from wbc.files import write_whole
 from wbc.recording import Log, Outcome, Recorder, summarize, write
 from wbc.scenario.build import Assembly, build
+from wbc.scenario.build_disturbance import build_disturbance
+from wbc.scenario.build_dynamics import build_dynamics
 from wbc.scenario.schema import Scenario
-from wbc.sim.kinematic import run
+from wbc.sim import dynamic, kinematic
+from wbc.sim.dynamic import Dynamics
 from wbc.view import LiveView
 from wbc.view.forces import ArrowMaker
 from wbc.view.from_robot import SnapshotMaker, robot_scene
@@ -53,9 +59,9 @@ def run_command(arguments: argparse.Namespace) -> int:
         assembly = build(loaded)
         viewer = stack.enter_context(_Viewer(assembly, arguments)) if arguments.view else None
         if simulation.rehearse:
-            _rehearsed(assembly)
+            check_rehearsal(assembly)
             interrupts.check()
-        session = _Session(assembly, Recorder(run_meta(assembly), assembly.ticks), progress)
+        session = Session.of(assembly, progress)
         session.viewer = viewer
         session.paced = arguments.realtime or (arguments.view and not arguments.fast)
         interrupts.check()
@@ -87,7 +93,7 @@ def _balances(scenario: Scenario) -> bool:
     return closed or not kinds.isdisjoint(("equilibrium_force", "equilibrium_moment"))
 
 
-def _rehearsed(assembly: Assembly) -> None:
+def check_rehearsal(assembly: Assembly) -> None:
     """Refuse what a rehearsal shows to be impossible. Raises SetupError, a line per reason."""
     faults = rehearse(assembly.controller, assembly.start).faults
     if faults:
@@ -141,7 +147,7 @@ class _Viewer:
         if record.event is not None:
             self._maker.note(record.t, record.event)
         if self._live.due():
-            self._live.publish(self._maker.of_record(record))
+            self._live.publish(self._maker.of_record(_truly(record)))
             if line := self._live.warning():
                 progress.say(line)
 
@@ -154,12 +160,23 @@ class _Viewer:
             input()
 
 
+def _truly(record: TickRecord) -> TickRecord:
+    """The record with robot and object where they are, not where they are commanded to be."""
+    found = record.dynamics
+    if found is None or not np.isfinite(found.q).all():
+        return record
+    return record._replace(
+        q=found.q, object_position=found.object_position, object_rotation=found.object_rotation
+    )
+
+
 @final
 @dataclass
-class _Session:
+class Session:
     """One run under way.
 
     Attributes:
+        dynamics: engine and second stage; None on the ideal robot.
         state: after the last tick recorded.
         took: computing time of the ticks after the first, [s].
     """
@@ -167,17 +184,25 @@ class _Session:
     assembly: Assembly
     recorder: Recorder
     progress: Progress
+    dynamics: Dynamics | None = None
     viewer: _Viewer | None = None
     paced: bool = False
     state: ControllerState | None = None
     took: float = 0.0
+
+    @classmethod
+    def of(cls, assembly: Assembly, progress: Progress) -> Session:
+        """A run before its first tick, on the engine of its scenario."""
+        dynamics = build_dynamics(assembly)
+        recorder = Recorder(run_meta(assembly, dynamics), assembly.ticks)
+        return cls(assembly, recorder, progress, dynamics)
 
     def go(self, interrupts: Interrupts, notice: SlowNotice) -> None:
         """Tick until the scenario's time is over or a signal comes."""
         assembly = self.assembly
         pace = _Pace(assembly.controller.settings.dt) if self.paced else None
         began = time.perf_counter()
-        for record, state in run(assembly.controller, assembly.start, assembly.ticks):
+        for record, state in self._ticks():
             if self.state is None:  # the first tick may have compiled: it is not counted
                 notice.over()
                 interrupts.ticking = True
@@ -194,8 +219,19 @@ class _Session:
                 pace.wait()
             began = time.perf_counter()
 
+    def _ticks(self) -> Iterator[tuple[TickRecord, ControllerState]]:
+        given = self.assembly.controller, self.assembly.start, self.assembly.ticks
+        if self.dynamics is None:
+            return kinematic.run(*given)
+        return dynamic.run(*given, self.dynamics)
+
     def save(self, folder: Path, *, interrupted: bool) -> tuple[dict[str, Any], bool]:
         """Write log and summary; the summary, and whether everything was written."""
+        log, summary = self.finish(interrupted=interrupted)
+        return summary, write_run(folder, log, summary, self.assembly)
+
+    def finish(self, *, interrupted: bool) -> tuple[Log, dict[str, Any]]:
+        """The log of the ticks so far, and its summary."""
         log = self.recorder.finish(complete=not interrupted)
         state = self.assembly.start if self.state is None else self.state
         phases = self.assembly.controller.phases.phases
@@ -207,7 +243,10 @@ class _Session:
         if interrupted:
             summary["reason"] = f"interrupted; {summary['reason']}".rstrip("; ")
             summary["success"] = False
-        return summary, _written(folder, log, summary, self.assembly)
+        disturbance = build_disturbance(self.assembly.loaded.scenario)
+        if disturbance is not None:
+            summary["disturbance"] = disturbance.as_record()
+        return log, summary
 
 
 @final
@@ -232,7 +271,7 @@ def _copy(path: Path, text: bytes) -> None:
     write_whole(path, lambda file: file.write(text))
 
 
-def _written(folder: Path, log: Log, summary: dict[str, Any], assembly: Assembly) -> bool:
+def write_run(folder: Path, log: Log, summary: dict[str, Any], assembly: Assembly) -> bool:
     """Whether every file of the run could be written; each that could not is told."""
     texts = {
         SCENARIO: log.meta.scenario_text.encode("utf-8"),

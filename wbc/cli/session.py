@@ -20,6 +20,7 @@ from wbc.scenario.build import Assembly
 from wbc.scenario.build_costs import safety_distance
 from wbc.scenario.schema import Scenario
 from wbc.scenario.wording import KeyPath
+from wbc.sim.dynamic import Dynamics
 
 LOG, SUMMARY, SCENARIO, ROBOT = "log.npz", "summary.json", "scenario.yaml", "robot.urdf"
 """Files of a run's folder."""
@@ -85,15 +86,15 @@ def source_of(loaded: Loaded) -> str:
     return str(path)
 
 
-def run_meta(assembly: Assembly) -> RunMeta:
-    """Names, limits and origin of a run."""
+def run_meta(assembly: Assembly, dynamics: Dynamics | None = None) -> RunMeta:
+    """Names, limits and origin of a run; `dynamics` where torques move the robot."""
     loaded, model, controller = assembly.loaded, assembly.model, assembly.controller
     scenario, settings = loaded.scenario, controller.settings
     cut = len(controller.task_names) - controller.law.kin.grasp.count
     secondary = controller.task_names[:cut]
     names = secondary if assembly.main_task is None else (assembly.main_task, *secondary)
     return RunMeta(
-        **_of_forces(controller),
+        **(_of_torques(dynamics) | _of_forces(controller)),
         scenario=scenario.name,
         dt=settings.dt,
         joint_names=model.joint_names,
@@ -130,6 +131,14 @@ def _of_forces(controller: Controller) -> dict[str, Any]:
     }
 
 
+def _of_torques(dynamics: Dynamics | None) -> dict[str, Any]:
+    """Torque limits of the second stage; nothing on the ideal robot."""
+    if dynamics is None:
+        return {}
+    gains = dynamics.second.gains
+    return {"tau_min": tuple(gains.tau_min.tolist()), "tau_max": tuple(gains.tau_max.tolist())}
+
+
 def _unit(scenario: Scenario, task: str, planar: bool) -> str:
     spec: Any = scenario.tasks[task]
     if spec.type == "manipulability":
@@ -155,7 +164,7 @@ def results_folder(asked: str | None, scenario: str) -> Path:
     Raises:
         WbcError: it cannot be made or written to.
     """
-    folder = Path(asked) if asked else Path("runs") / _file_name(scenario)
+    folder = Path(asked) if asked else Path("runs") / file_name(scenario)
     try:
         if folder.exists() and not folder.is_dir():
             raise NotADirectoryError(20, "it is not a folder")
@@ -174,7 +183,7 @@ def results_folder(asked: str | None, scenario: str) -> Path:
     return folder
 
 
-def _file_name(scenario: str) -> str:
+def file_name(scenario: str) -> str:
     """The scenario's name without what a file system could take for something else."""
     kept = "".join(c if c.isalnum() or c in "-_." else "_" for c in scenario)
     return kept.strip(".")[:80] or "run"

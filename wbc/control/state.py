@@ -36,13 +36,17 @@ class Status(IntFlag):
 
 
 class Measurement(NamedTuple):
-    """What the robot reports. The first stage runs on its own references and only checks these.
+    """What the robot reports. The first stage runs on its own references and only checks `q`.
 
     Attributes:
         q: (nv,) measured joint positions, [rad] or [m].
+        v: (nv,) measured joint velocities; None where nothing is measured but positions.
+        force: (N, 3) force of each fingertip on the object, world axes [N]; None likewise.
     """
 
     q: Array
+    v: Array | None = None
+    force: Array | None = None
 
 
 class PhaseState(NamedTuple):
@@ -145,6 +149,30 @@ class ForceRecord(NamedTuple):
     sum_normal: float
 
 
+class DynamicsRecord(NamedTuple):
+    """What a tick under torques began with, and the torques of it; world axes.
+
+    Attributes:
+        tau: (nv,) torques held over the tick [Nm].
+        force: (N, 3) measured force of each contact on the object [N].
+        plan: (N, 3) planned force [N]; 0 where free.
+        object_position, object_rotation: where the object truly is.
+        slip: (N,) tangential way slid so far while a contact was to hold [m].
+        q, v: (nv,) where the joints are, and their velocities.
+        status: bits of `wbc.control.force_control.TorqueStatus`.
+    """
+
+    tau: Array
+    force: Array
+    plan: Array
+    object_position: Array
+    object_rotation: Array
+    slip: Array
+    q: Array
+    v: Array
+    status: int
+
+
 class TickRecord(NamedTuple):
     """One tick as it is logged: the situation at t and the command for the tick that begins there.
 
@@ -170,6 +198,7 @@ class TickRecord(NamedTuple):
         freedom: (L,) share of freedom each level found, 1 = all.
         event: the supervisor's decision, if any.
         forces: the planned contact forces; None where the scenario plans none.
+        dynamics: what torques and sensors said; None on the ideal robot.
     """
 
     t: float
@@ -196,3 +225,4 @@ class TickRecord(NamedTuple):
     freedom: Array
     event: StackEvent | None
     forces: ForceRecord | None = None
+    dynamics: DynamicsRecord | None = None

@@ -16,8 +16,9 @@ from wbc.errors import WbcError
 from wbc.forces import ForceStatus
 from wbc.recording.meta import RunMeta
 
-FORMAT = 2
-_WITHOUT_FORCES = 1  # an older format, still read: its scenarios could not plan any
+FORMAT = 3
+# Older formats, still read: their scenarios could not plan forces, or not run under torques.
+_WITHOUT_FORCES, _WITHOUT_DYNAMICS = 1, 2
 
 # Kind of the array and its axes: T ticks, n joints, N fingers, m tasks (main first), K tip tasks,
 # P phases, L levels of the stack, E stack events; digits are themselves.
@@ -62,9 +63,19 @@ LAYOUT: dict[str, tuple[type, str]] = {
     "event_cost": (np.float64, "E"),
 }
 
-# F is T where the scenario plans contact forces, else 0.
+# D is T where an engine other than the ideal robot ran, else 0. F is T where the scenario plans
+# contact forces by an optimizer, else 0; G where either did.
+DYNAMICS: dict[str, tuple[type, str]] = {
+    "tau": (np.float64, "Dn"),
+    "contact_force_meas": (np.float64, "DN3"),
+    "object_pose_true": (np.float64, "D7"),
+    "slip": (np.float64, "DN"),
+    "q_meas": (np.float64, "Dn"),
+    "v_meas": (np.float64, "Dn"),
+    "torque_status": (np.int64, "D"),
+}
 FORCES: dict[str, tuple[type, str]] = {
-    "contact_force_plan": (np.float64, "FN3"),
+    "contact_force_plan": (np.float64, "GN3"),
     "contact_spin_plan": (np.float64, "FN"),
     "tau_plan": (np.float64, "Fn"),
     "cone_margin": (np.float64, "FN"),
@@ -78,6 +89,7 @@ FORCES: dict[str, tuple[type, str]] = {
     "sum_normal": (np.float64, "F"),
 }
 LAYOUT.update(FORCES)
+LAYOUT.update(DYNAMICS)
 
 
 @final
@@ -116,9 +128,10 @@ class Log:
         freedom: (T, L) share of freedom each level of the stack found.
         event_t, event_task, event_inserted, event_cost: (E,) the supervisor's decisions: time [s],
             index into `task_names` followed by `tip_task_names`, in or out, predicted cost.
-        contact_force_plan: (F, N, 3) planned force of each contact on the object, [N]. F is T, or
-            0 where the scenario plans no forces: so for all that follow.
-        contact_spin_plan: (F, N) planned moment about the inward normal, [Nm].
+        contact_force_plan: (G, N, 3) planned force of each contact on the object, [N]. G is T where
+            forces are planned or torques move the robot, else 0.
+        contact_spin_plan: (F, N) planned moment about the inward normal, [Nm]. F is T, or 0 where
+            no optimizer plans forces: so for all that follow up to `sum_normal`.
         tau_plan: (F, n) joint torques that go with them (4), [Nm].
         cone_margin: (F, N) distance to the friction cone's side, [N]; NaN where free.
         torque_margin: (F, n) distance of a torque to its nearer limit, [Nm]; inf without one.
@@ -128,6 +141,14 @@ class Log:
         force_status: (F,) index into the members of `wbc.forces.ForceStatus`.
         force_iterations: (F,) Newton steps.
         phi, sum_normal: (F,) the cost (15) and Σ c_z, [N].
+        tau: (D, n) torques held over [t, t + dt], [Nm]. D is T, or 0 where the ideal robot ran: so
+            for all that follow.
+        contact_force_meas: (D, N, 3) measured force of each contact on the object, [N].
+        object_pose_true: (D, 7) where the object is, as `object_pose`, which is where the first
+            stage has it.
+        slip: (D, N) way each contact has slid while it was to hold, [m].
+        q_meas, v_meas: (D, n) where the joints are, and their velocities; `q`, `v` are commanded.
+        torque_status: (D,) bits of `wbc.control.force_control.TorqueStatus`.
     """
 
     meta: RunMeta
@@ -182,6 +203,13 @@ class Log:
     force_iterations: IntArray
     phi: Array
     sum_normal: Array
+    tau: Array
+    contact_force_meas: Array
+    object_pose_true: Array
+    slip: Array
+    q_meas: Array
+    v_meas: Array
+    torque_status: IntArray
 
     @property
     def ticks(self) -> int:
@@ -192,6 +220,11 @@ class Log:
     def plans_forces(self) -> bool:
         """Whether contact forces were planned and recorded."""
         return len(self.phi) > 0
+
+    @property
+    def dynamic(self) -> bool:
+        """Whether torques moved the robot, so that what was measured is recorded, too."""
+        return len(self.tau) > 0
 
     @property
     def all_task_names(self) -> tuple[str, ...]:
@@ -227,9 +260,10 @@ class Log:
             WbcError: one line: what the file is or lacks, or which array is wrong.
         """
         what = "a log of wbc"
-        always = [name for name in LAYOUT if name not in FORCES]
+        later = (*FORCES, *DYNAMICS)
+        always = [name for name in LAYOUT if name not in later]
         found = read_arrays(
-            path, ("format", "meta", "complete", *always), what=what, optional=FORCES
+            path, ("format", "meta", "complete", *always), what=what, optional=later
         )
         try:
             return cls(**_checked(found))
@@ -240,7 +274,7 @@ class Log:
 def _checked(found: dict[str, NDArray[Any]]) -> dict[str, Any]:
     """Constructor arguments of a log out of the arrays of a file."""
     version = found["format"]
-    known = (_WITHOUT_FORCES, FORMAT)
+    known = (_WITHOUT_FORCES, _WITHOUT_DYNAMICS, FORMAT)
     if version.shape != () or version.dtype.kind != "i" or int(version) not in known:
         raise WbcError(f"its format is not {FORMAT}")
     for name, letter in (("meta", "U"), ("complete", "b")):
@@ -250,8 +284,9 @@ def _checked(found: dict[str, NDArray[Any]]) -> dict[str, Any]:
     sizes: dict[str, int] = {}
     values: dict[str, Any] = {"meta": meta, "complete": bool(found["complete"])}
     for name, (kind, axes) in LAYOUT.items():
-        if name in FORCES and int(version) == _WITHOUT_FORCES:
-            shape = [0 if a == "F" else int(a) if a.isdigit() else sizes[a] for a in axes]
+        old = _WITHOUT_FORCES if name in FORCES else _WITHOUT_DYNAMICS
+        if (name in FORCES or name in DYNAMICS) and int(version) <= old:
+            shape = [0 if a in "FGD" else int(a) if a.isdigit() else sizes[a] for a in axes]
             values[name] = np.zeros(shape, dtype=kind)
         elif name not in found:
             raise WbcError(f"it has no array '{name}'")
@@ -284,6 +319,9 @@ def _check_ranges(values: dict[str, Any], sizes: dict[str, int]) -> None:
     planned, ticks = len(values["phi"]), len(values["t"])
     if planned not in ((0, ticks) if meta.contact_models else (0,)):
         raise WbcError(f"it has {planned} ticks of forces, and {ticks} ticks")
+    driven, both = len(values["tau"]), len(values["contact_force_plan"])
+    if driven not in (0, ticks) or both != max(planned, driven):
+        raise WbcError(f"it has {driven} ticks of torques, {both} of forces, and {ticks} ticks")
 
 
 def _fitted(

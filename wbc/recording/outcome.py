@@ -11,6 +11,7 @@ from wbc.arrays import Array, BoolArray, IntArray
 from wbc.control.phases import ExitCondition, Phase, PhaseSequence
 from wbc.control.state import PhaseState, Status
 from wbc.forces import ForceStatus
+from wbc.recording.dynamic_facts import dropped
 from wbc.recording.log import Log
 
 _TOLERANCE = 1e-9  # a limit kept to rounding is kept
@@ -68,6 +69,8 @@ def violations(log: Log) -> list[str]:
     if len(touching):
         k = int(touching[np.argmin(log.min_distance[touching])])
         found.append(f"parts collided at {log.t[k]:.4g} s ({log.min_distance[k]:.3g} m)")
+    if log.dynamic and (fell := dropped(log)) is not None:
+        found.append(f"the object was dropped at {fell:.4g} s")
     for flag, what in (
         (Status.BAD_MEASUREMENT, "the measurement was not usable"),
         (Status.BAD_COMMAND, "the control law gave no finite velocity"),
@@ -117,9 +120,10 @@ def reason(log: Log, outcome: Outcome) -> str:
     """Why the run is no success, in one sentence; empty if it is one.
 
     A success has ended every phase in its time, kept the joints' position and velocity limits,
-    never let two watched parts touch, never braked for want of a usable measurement or command,
-    and found contact forces in every tick if they were to be planned. The costs' soft thresholds,
-    joints clipped to their limits, and forces of a low margin do not decide it.
+    never let two watched parts touch, never dropped the object under torques, never braked for want
+    of a usable measurement or command, and found contact forces in every tick if they were to be
+    planned. The costs' soft thresholds, joints clipped to their limits, and forces of a low margin
+    do not decide it.
     """
     if not log.ticks:
         return "no tick was recorded"

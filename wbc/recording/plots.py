@@ -15,6 +15,7 @@ from matplotlib.patheffects import withStroke
 
 from wbc.arrays import Array, BoolArray
 from wbc.errors import WbcError
+from wbc.recording.dynamic_plots import torques
 from wbc.recording.figures import (
     COLORS,
     DASHES,
@@ -42,7 +43,8 @@ def plot(log: Log, out_dir: str | os.PathLike[str]) -> list[Path]:
 
     Returns:
         The files: where fingers touch an object ``object_error`` and ``residuals``; ``tasks``,
-        ``stack``, ``motion``, ``safety``; and where contact forces were planned ``forces``.
+        ``stack``, ``motion``, ``safety``; where contact forces were planned ``forces``, and where
+        torques moved the robot ``torques``.
 
     Raises:
         WbcError: nothing was recorded, or a file cannot be written.
@@ -61,6 +63,8 @@ def plot(log: Log, out_dir: str | os.PathLike[str]) -> list[Path]:
         del figures["object_error"], figures["residuals"]  # there is no object
     if log.plans_forces:
         figures["forces"] = forces
+    if log.dynamic:
+        figures["torques"] = torques
     files = []
     with style(), np.errstate(all="ignore"):  # a run that went wrong is still drawn
         for name, draw in figures.items():

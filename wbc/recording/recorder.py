@@ -10,7 +10,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc.arrays import Array
-from wbc.control.state import ForceRecord, TickRecord
+from wbc.control.state import DynamicsRecord, ForceRecord, TickRecord
 from wbc.recording.log import FORCES, LAYOUT, Log
 from wbc.recording.meta import RunMeta
 from wbc.rotations import quaternion
@@ -58,7 +58,7 @@ class Recorder:
         self._block = np.empty((0, 0))
         self._count = 0
         self._freedom = 0
-        self._forces = False
+        self._forces = self._dynamics = False
 
     def __len__(self) -> int:
         return self._count
@@ -72,8 +72,11 @@ class Recorder:
         if self._count == len(self._block):
             self._grow(record)
         limited, event, forces = record.limited, record.event, record.forces
+        dynamics = record.dynamics
         if (forces is not None) != self._forces:
             raise ValueError("record.forces must be planned in every tick of a run, or in none")
+        if (dynamics is not None) != self._dynamics:
+            raise ValueError("record.dynamics must be there in every tick of a run, or in none")
         single = (
             record.t, record.cost, record.min_distance, record.phase, int(record.status),
             record.independence, record.residuals[0], record.residuals[1], limited.secondary,
@@ -87,6 +90,7 @@ class Recorder:
                 record.object_error.ravel(), record.mode, record.contact_points.ravel(),
                 record.contact_normals.ravel(), record.task_error, record.within,
                 record.activation, record.freedom,
+                *(() if dynamics is None else [np.ravel(part) for part in dynamics]),
                 *(() if forces is None else [np.ravel(part) for part in forces]),
             ),
             out=self._block[self._count],
@@ -107,6 +111,7 @@ class Recorder:
             width = int(np.prod(shape))
             vector[name] = rows[:, start : start + width].reshape(len(rows), *shape)
             start += width
+        planned = self._planned(rows)
         values: dict[str, Any] = {
             **single,
             **{name: vector[name] for name in ("q", "v", "object_error", "freedom")},
@@ -118,7 +123,8 @@ class Recorder:
             "object_pose_ref": _poses(vector["reference_position"], vector["reference_rotation"]),
             **self._tasks(vector),
             **self._events(single),
-            **self._planned(rows),
+            **planned,
+            **self._measured(rows[:, start:], planned["contact_force_plan"]),
         }
         return self._log(values, complete)
 
@@ -145,7 +151,8 @@ class Recorder:
         """Doubles in a row."""
         width = len(_SINGLE) + sum(int(np.prod(shape)) for shape in self._sizes().values())
         forces = self._force_sizes().values() if self._forces else ()
-        return width + sum(int(np.prod(shape)) for shape in forces)
+        dynamics = self._dynamics_sizes().values() if self._dynamics else ()
+        return width + sum(int(np.prod(shape)) for shape in (*dynamics, *forces))
 
     def _force_sizes(self) -> dict[str, tuple[int, ...]]:
         """Shape of each field of a `ForceRecord`."""
@@ -153,6 +160,37 @@ class Recorder:
         return {
             field: tuple(sizes[a] if a in sizes else int(a) for a in FORCES[name][1][1:])
             for field, name in _FORCES.items()
+        }
+
+    def _dynamics_sizes(self) -> dict[str, tuple[int, ...]]:
+        """Shape of each field of a `DynamicsRecord`."""
+        n, fingers = (len(self.meta.joint_names),), (len(self.meta.contact_names),)
+        shapes = (n, (*fingers, 3), (*fingers, 3), (3,), (3, 3), fingers, n, n, ())
+        return dict(zip(DynamicsRecord._fields, shapes, strict=True))
+
+    def _measured(self, rest: Array, plan: Array) -> dict[str, Array]:
+        """Arrays of what torques did, without a row on the ideal robot.
+
+        Args:
+            rest: what of the rows is after the arrays of every run.
+            plan: forces planned by an optimizer, if any were.
+        """
+        if not self._dynamics:
+            rest = np.empty((0, sum(int(np.prod(s)) for s in self._dynamics_sizes().values())))
+        part, start = {}, 0
+        for name, shape in self._dynamics_sizes().items():
+            width = int(np.prod(shape))
+            part[name] = rest[:, start : start + width].reshape(len(rest), *shape)
+            start += width
+        return {
+            "tau": part["tau"],
+            "contact_force_meas": part["force"],
+            "contact_force_plan": part["plan"] if self._dynamics else plan,
+            "object_pose_true": _poses(part["object_position"], part["object_rotation"]),
+            "slip": part["slip"],
+            "q_meas": part["q"],
+            "v_meas": part["v"],
+            "torque_status": part["status"],
         }
 
     def _planned(self, rows: Array) -> dict[str, Array]:
@@ -170,11 +208,14 @@ class Recorder:
         if self._count == 0:  # the names tell neither the number of levels nor of forces
             self._freedom = len(record.freedom)
             self._forces = record.forces is not None
+            self._dynamics = record.dynamics is not None
             if self._forces and not self.meta.contact_models:
                 raise ValueError("record.forces is planned, and meta names no contact models")
             _check(record, self._sizes())
             if record.forces is not None:
                 _check(record.forces, self._force_sizes())
+            if record.dynamics is not None:
+                _check(record.dynamics, self._dynamics_sizes())
         block = np.empty((max(self._capacity, 2 * self._count), self._width()))
         block[: self._count] = self._block[: self._count] if self._count else 0.0
         self._block = block
@@ -226,9 +267,14 @@ class Recorder:
         return Log(meta=meta, complete=complete, **names, **arrays)
 
 
-def _check(record: TickRecord | ForceRecord, sizes: dict[str, tuple[int, ...]]) -> None:
+_CALLED = {ForceRecord: "record.forces", DynamicsRecord: "record.dynamics"}
+
+
+def _check(
+    record: TickRecord | ForceRecord | DynamicsRecord, sizes: dict[str, tuple[int, ...]]
+) -> None:
     """Raise `ValueError` where an array of `record` has another shape."""
-    of = "record.forces" if isinstance(record, ForceRecord) else "record"
+    of = _CALLED.get(type(record), "record")
     for name, shape in sizes.items():
         got = np.shape(getattr(record, name))
         if got != shape:

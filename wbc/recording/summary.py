@@ -14,6 +14,7 @@ from wbc.arrays import Array, IntArray
 from wbc.control.state import Status
 from wbc.files import write_whole
 from wbc.forces import ForceStatus
+from wbc.recording.dynamic_facts import dynamic_facts
 from wbc.recording.log import Log
 from wbc.recording.outcome import Outcome, reason, unplanned, violations
 
@@ -65,6 +66,7 @@ def summarize(log: Log, outcome: Outcome | None = None) -> dict[str, Any]:
         if log.ticks
         else {},
         **(_forces(log) if log.plans_forces else {}),
+        **(dynamic_facts(log, SETTLED) if log.dynamic else {}),
     }
     plain: dict[str, Any] = _plain(facts)
     return plain

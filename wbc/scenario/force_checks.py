@@ -94,7 +94,7 @@ def _forces(data: dict[str, Any], forces: dict[str, Any], faults: Faults) -> Non
     for key, needed in (("friction", True), ("torsion", soft)):
         given = forces.get(key)
         if isinstance(given, dict):
-            _by_contact(("forces", key), given, contacts, faults, complete=needed)
+            by_contact(("forces", key), given, contacts, faults, complete=needed)
         elif given is None and needed and key == "torsion":
             faults.add(("forces",), "needs 'torsion' for soft fingers", on="key")
     if not soft and forces.get("torsion"):
@@ -102,10 +102,11 @@ def _forces(data: dict[str, Any], forces: dict[str, Any], faults: Faults) -> Non
         faults.add(("forces", "torsion"), text, on="key")
 
 
-def _by_contact(
-    path: KeyPath, given: dict[Any, Any], contacts: list[str], faults: Faults, *, complete: bool
-) -> None:
-    """Names that are contacts or fit some, and one for every contact."""
+def by_contact(
+    path: KeyPath, given: dict[Any, Any], contacts: list[str], faults: Faults,
+    *, complete: bool = False,
+) -> None:  # fmt: skip
+    """Add faults of a table by contact: names that fit none; `complete`, contacts it leaves out."""
     named = [key for key in given if isinstance(key, str)]
     for key in named:
         if contacts and not any(fnmatchcase(name, key) for name in contacts):

@@ -114,7 +114,23 @@ def load(path_or_name: str | Path, overrides: Mapping[str, Any] | None = None) -
     """
     path = _find(path_or_name)
     shown = _shown(path)
-    raw = read_file(path, shown)
+    return load_bytes(read_file(path, shown), path, shown, overrides)
+
+
+def load_bytes(
+    raw: bytes, path: Path, shown: str, overrides: Mapping[str, Any] | None = None
+) -> Loaded:
+    """Check a scenario that was read before.
+
+    Args:
+        raw: the file's bytes.
+        path: where they came from, for files that are named beside it.
+        shown: how faults call it.
+        overrides: as for `load`.
+
+    Raises:
+        ScenarioError: with every fault of the file and of the overrides, one per line.
+    """
     located = read_text(raw)
     if located.faults and located.data is None:
         raise Source(shown, located).error(located.faults)
@@ -184,7 +200,7 @@ def _override(source: Source, overrides: Mapping[str, Any]) -> tuple[Source, lis
     faults: list[Fault] = []
     unread = set(located.unread)
     for name, raw in overrides.items():
-        path = _resolve(located.data, name)
+        path = resolve(located.data, name)
         named[path] = clip(name)
         value, fault = _value(raw)
         fault = fault or _put(located.data, path, value)
@@ -214,7 +230,7 @@ def _plain(raw: Any) -> Any:
     return raw.tolist() if hasattr(raw, "tolist") else raw
 
 
-def _resolve(data: Any, name: str) -> KeyPath:
+def resolve(data: Any, name: str) -> KeyPath:
     """``phases.slide.until.time`` or ``phases[1].until.time`` as a path."""
     path: list[str | int] = []
     for part in name.replace("[", ".").replace("]", "").split("."):

@@ -61,12 +61,12 @@ def check_names(
             faults.add(path, follower_refusal(joint, driven[joint]), on=on)
         elif joint not in joints:
             faults.unknown(path, "joint", joint, joints, on=on)
-    for joint in {} if scenario.forces is None else scenario.forces.torque_limits:
-        path = ("forces", "torque_limits", joint)
-        if joint in driven:
-            faults.add(path, follower_refusal(joint, driven[joint]), on="key")
-        elif not matching([joint], joints):
-            faults.unknown(path, "joint", joint, joints, on="key")
+    for table, keys in _patterns(scenario):
+        for joint in keys:
+            if joint in driven:
+                faults.add((*table, joint), follower_refusal(joint, driven[joint]), on="key")
+            elif joint != EVERY and not matching([joint], joints):
+                faults.unknown((*table, joint), "joint", joint, joints, on="key")
     for path, joint, value in _positions(scenario):
         wanted = "length" if joint in prismatic else "angle"
         if joint in joints and value.dimension not in (wanted, "any"):
@@ -76,6 +76,19 @@ def check_names(
             faults.unknown(path, "frame", frame, frames)
     _links(scenario, links, faults)
     return faults.found
+
+
+def _patterns(scenario: Scenario) -> Iterator[tuple[KeyPath, Mapping[str, float | None]]]:
+    """The tables by joint or pattern."""
+    if scenario.forces is not None:
+        yield ("forces", "torque_limits"), scenario.forces.torque_limits
+    physics, second = scenario.simulation.physics, scenario.force_control
+    yield ("simulation", "physics", "armature"), physics.armature
+    yield ("simulation", "physics", "joint_damping"), physics.joint_damping
+    if second is not None:
+        yield ("force_control", "damping"), second.damping
+        yield ("force_control", "arms", "stiffness"), second.arms.stiffness
+        yield ("force_control", "arms", "damping"), second.arms.damping
 
 
 def _positions(scenario: Scenario) -> Iterator[tuple[KeyPath, str, Coordinate]]:

@@ -24,6 +24,8 @@ from wbc.scenario.blocks import (
     Vector3,
     Weights,
 )
+from wbc.scenario.disturbance_blocks import Disturbances
+from wbc.scenario.dynamic_blocks import ForceControl, Physics
 from wbc.scenario.force_blocks import Contents, Forces, Inertia3
 from wbc.scenario.kinds import AnyCost, AnySurface, AnyTask
 from wbc.scenario.units import (
@@ -218,6 +220,10 @@ class Phase(Block):
 class Simulation(Block):
     """How the run is computed."""
 
+    engine: Literal["kinematic", "compliant", "mujoco"] = Field(
+        default="kinematic",
+        description="kinematic: joints follow exactly; else the second stage's torques move them",
+    )
     duration: PositiveTime
     step: PositiveTime
     integrator: Literal["rk4", "euler"] = "rk4"
@@ -225,6 +231,10 @@ class Simulation(Block):
     rehearse: Flag = Field(
         default=False, description="before it moves, a run goes through the phases quickly"
     )
+    disturbances: Disturbances | None = Field(
+        default=None, description="what is wrong on purpose, drawn by the seed"
+    )
+    physics: Physics = Field(default_factory=Physics)
 
 
 @final
@@ -243,4 +253,7 @@ class Scenario(Block):
     limits: Limits = Field(default_factory=Limits)
     phases: tuple[Phase, ...] = ()
     forces: Forces | None = Field(default=None, description="needs the object's mass")
+    force_control: ForceControl | None = Field(
+        default=None, description="the second stage; needed by engines other than kinematic"
+    )
     simulation: Simulation

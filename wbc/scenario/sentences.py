@@ -11,6 +11,8 @@ from pydantic import ValidationError
 from wbc.errors import did_you_mean
 from wbc.scenario.blocks import Block
 from wbc.scenario.crosscheck import crosscheck
+from wbc.scenario.disturbance_blocks import check_disturbances
+from wbc.scenario.dynamic_checks import check_dynamics
 from wbc.scenario.force_checks import check_forces
 from wbc.scenario.kinds import COSTS, SURFACES, TASKS
 from wbc.scenario.relations import check_relations
@@ -37,6 +39,8 @@ def judge(
     check_relations(guessed, faults)
     crosscheck(guessed, faults)
     check_forces(guessed, faults)
+    check_disturbances(guessed, faults)
+    check_dynamics(guessed, faults)
     found = [
         f for f in faults.found if f.on == "key" or not any(f.path[: len(p)] == p for p in unread)
     ]

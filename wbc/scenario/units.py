@@ -31,6 +31,7 @@ class Unit(NamedTuple):
 UNITS: Final[dict[str, Unit]] = {
     "rad": Unit("angle"),
     "deg": Unit("angle", math.pi / 180.0),
+    "mrad": Unit("angle", per=1000.0),
     "m": Unit("length"),
     "cm": Unit("length", per=100.0),
     "mm": Unit("length", per=1000.0),
@@ -48,6 +49,9 @@ UNITS: Final[dict[str, Unit]] = {
     "N/m": Unit("stiffness"),
     "N/mm": Unit("stiffness", 1000.0),
     "kN/m": Unit("stiffness", 1000.0),
+    "N s/m": Unit("damping"),
+    "Nm/rad": Unit("rotational stiffness"),
+    "Nm s/rad": Unit("rotational damping"),
     "rad/s": Unit("angular velocity"),
     "deg/s": Unit("angular velocity", math.pi / 180.0),
     "rad/s^2": Unit("angular acceleration"),
@@ -64,6 +68,7 @@ UNITS: Final[dict[str, Unit]] = {
     "g/cm^3": Unit("density", 1000.0),
     "Nm": Unit("torque"),
     "mNm": Unit("torque", per=1000.0),
+    "%": Unit("share", per=100.0),
 }
 
 EXAMPLES: Final[dict[str, str]] = {
@@ -73,6 +78,9 @@ EXAMPLES: Final[dict[str, str]] = {
     "rate": "20 /s",
     "force": "20 N",
     "stiffness": "5e4 N/m",
+    "damping": "5 N s/m",
+    "rotational stiffness": "1000 Nm/rad",
+    "rotational damping": "100 Nm s/rad",
     "angular velocity": "2 rad/s",
     "angular acceleration": "60 rad/s^2",
     "velocity": "0.5 m/s",
@@ -81,6 +89,7 @@ EXAMPLES: Final[dict[str, str]] = {
     "inertia": "1e-4 kg m^2",
     "density": "1000 kg/m^3",
     "torque": "0.5 Nm",
+    "share": "30 %",
 }
 
 SHARED: Final = "x-quantity"
@@ -211,7 +220,7 @@ class Quantity:
         forms = [number, _text_schema(self.dimension)]
         if self.off is not None:
             forms.append({"const": self.off})
-        limits = {"above": self.above, "from": self.least}
+        limits = {"above": self.above, "from": self.least, "to": self.most}
         name = "-".join(f"{word}-{b:g}" for word, b in limits.items() if b is not None)
         name = "-".join(filter(None, [self.dimension.replace(" ", "-"), name, self.off]))
         return {SHARED: name, "anyOf": forms, "examples": [EXAMPLES[self.dimension]]}
@@ -261,9 +270,13 @@ Distance: TypeAlias = Annotated[float, Quantity("length", least=0.0)]
 Time: TypeAlias = Annotated[float, Quantity("time", least=0.0)]
 PositiveTime: TypeAlias = Annotated[float, Quantity("time", above=0.0)]
 Rate: TypeAlias = Annotated[float, Quantity("rate", above=0.0)]
+RateFromZero: TypeAlias = Annotated[float, Quantity("rate", least=0.0)]
 RateOrOff: TypeAlias = Annotated[float | None, Quantity("rate", above=0.0, off="off")]
 Force: TypeAlias = Annotated[float, Quantity("force", least=0.0)]
 Stiffness: TypeAlias = Annotated[float, Quantity("stiffness", above=0.0)]
+Damping: TypeAlias = Annotated[float, Quantity("damping", least=0.0)]
+TurningStiffness: TypeAlias = Annotated[float, Quantity("rotational stiffness", least=0.0)]
+TurningDamping: TypeAlias = Annotated[float, Quantity("rotational damping", least=0.0)]
 AngularVelocity: TypeAlias = Annotated[float, Quantity("angular velocity", above=0.0)]
 AngularAcceleration: TypeAlias = Annotated[float, Quantity("angular acceleration", above=0.0)]
 Mass: TypeAlias = Annotated[float, Quantity("mass", least=0.0)]
@@ -272,6 +285,7 @@ Inertia: TypeAlias = Annotated[float, Quantity("inertia", least=0.0)]
 Density: TypeAlias = Annotated[float, Quantity("density", above=0.0)]
 Torque: TypeAlias = Annotated[float | None, Quantity("torque", above=0.0, off="off")]
 """None stands for no limit."""
+TorqueBound: TypeAlias = Annotated[float, Quantity("torque", least=0.0)]
 Number: TypeAlias = Annotated[float, Quantity(NUMBER)]
 PositiveNumber: TypeAlias = Annotated[float, Quantity(NUMBER, above=0.0)]
 NonNegative: TypeAlias = Annotated[float, Quantity(NUMBER, least=0.0)]

@@ -1,0 +1,103 @@
+"""The blocks of a run under torques: what is read, what is refused, and what becomes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from wbc.errors import ScenarioError
+from wbc.scenario import load
+from wbc.scenario.build import build
+from wbc.scenario.build_dynamics import build_dynamics, true_body, true_physics
+
+Lines = Callable[..., list[str]]
+TASK = "planar_exchange_dynamic"
+
+FAULTS = [
+    ({"simulation.engine": "bullet"}, "simulation.engine: must be kinematic, compliant or mujoco"),
+    ({"simulation.physics.friction": "-0.1"}, "simulation.physics.friction: must be at least 0"),
+    ({"simulation.physics.friction": "{f9: 0.5}"}, "unknown contact 'f9'"),
+    ({"force_control.position": "{f9: 2000 N/m}"}, "unknown contact 'f9'"),
+    ({"force_control.position": "2000 Nm/rad"}, "must be a stiffness such as '5e4 N/m'"),
+    ({"force_control.integral": "-1 /s"}, "must be at least 0"),
+    ({"force_control.arms.stiffness": "{lift: 10 Nm/rad}"}, "unknown joint 'lift'"),
+    ({"simulation.physics.armature": "{'left_*': 1 kg}"}, "must be an inertia"),
+    ({"simulation.engine": "mujoco", "simulation.physics.control": "continuous"},
+     "continuous is of the compliant engine"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("settings", "words"), FAULTS, ids=lambda x: str(x)[:40])
+def test_what_is_wrong_is_told_in_one_line(settings: dict[str, str], words: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        build(load(TASK, settings))
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 1 and words in lines[0], lines
+
+
+NEEDS = [
+    ("planar_exchange", "needs a block 'force_control'"),
+    ("planar_exchange", "needs 'mass' in the block 'object'"),
+    ("planar_exchange", "needs the object's 'inertia' about z"),
+    ("reach", "needs a block 'object'"),
+]
+
+
+@pytest.mark.parametrize(("task", "words"), NEEDS)
+def test_an_engine_says_what_it_needs(task: str, words: str) -> None:
+    with pytest.raises(ScenarioError, match=words):
+        load(task, {"simulation.engine": "compliant"})
+
+
+def test_an_ideal_robot_needs_none_of_it() -> None:
+    assert load("planar_exchange").scenario.simulation.engine == "kinematic"
+    assert build_dynamics(build(load("planar_exchange"))) is None
+
+
+def test_gains_and_physics_arrive_by_contact_by_joint_and_by_pattern() -> None:
+    settings = {
+        "force_control.force": "{f1: 0.1, '*': 0.3}",
+        "force_control.damping": "{'left_a_*': 4 Nm s/rad, '*': 6 Nm s/rad}",
+        "force_control.arms": "{stiffness: {'left_*': 800 Nm/rad}, damping: 90 Nm s/rad,"
+        " integral: 2 /s, windup: 7 Nm}",
+        "simulation.physics": "{step: 0.5 ms, friction: {f3: 0.5}, sliding_friction: 0.1,"
+        " armature: {'*_trunk_*': 0.2 kg m^2}}",
+    }
+    assembly = build(load(TASK, settings))
+    dynamics = build_dynamics(assembly)
+    assert dynamics is not None and dynamics.held
+    names, gains = assembly.model.joint_names, dynamics.second.gains
+    assert gains.force.tolist() == [0.1, 0.3, 0.3, 0.3]
+
+    def of(values: np.ndarray, name: str) -> float:
+        return float(values[names.index(name)])
+
+    assert of(gains.damping, "left_a_1") == 4.0 and of(gains.damping, "right_a_1") == 6.0
+    assert of(gains.damping, "left_trunk_1") == 90.0
+    assert of(gains.stiffness, "left_trunk_2") == 800.0
+    assert of(gains.stiffness, "right_trunk_2") == 1000.0  # as where nothing is said
+    assert of(gains.stiffness, "left_a_1") == 0.0
+    assert of(gains.joint_integral, "left_trunk_2") == 1600.0
+    assert (gains.joint_windup == 7.0).all()
+    assert of(gains.tau_max, "left_trunk_1") == 200.0 and of(gains.tau_min, "left_a_1") == -50.0
+    scenario, grasp = assembly.loaded.scenario, assembly.controller.law.kin.grasp
+    physics = true_physics(scenario, assembly.model, grasp)
+    assert physics.step == 5e-4
+    assert physics.friction.tolist() == [0.8, 0.8, 0.5, 0.8]
+    assert physics.sliding_friction.tolist() == [0.1] * 4
+    assert of(physics.armature, "right_trunk_3") == 0.2 and of(physics.armature, "left_a_1") == 0.0
+    assert true_body(scenario).mass == 1.0
+
+
+def test_fingers_are_the_joints_that_carry_one_tip() -> None:
+    dynamics = build_dynamics(assembly := build(load(TASK)))
+    assert dynamics is not None
+    fingers = [
+        name for name, own in zip(assembly.model.joint_names, dynamics.second.fingers, strict=True)
+        if own
+    ]  # fmt: skip
+    assert fingers == [
+        f"{side}_{finger}_{k}" for side in ("left", "right") for finger in "ab" for k in (1, 2)
+    ]

@@ -1,0 +1,162 @@
+"""The blocks of a scenario that runs under torques to an engine and the second stage."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from wbc.arrays import Array
+from wbc.contact.grasp import Grasp
+from wbc.contact.surfaces import Surface
+from wbc.control.force_control import ForceControl, ForceGains
+from wbc.control.set_points import SetPoints
+from wbc.robot.model import RobotModel
+from wbc.scenario import dynamic_blocks
+from wbc.scenario.build import Assembly
+from wbc.scenario.build_disturbance import build_disturbance
+from wbc.scenario.build_forces import build_payload, torque_limits, value_for
+from wbc.scenario.schema import Scenario
+from wbc.sim.compliant import CompliantPlant, FreeBody, Physics
+from wbc.sim.disturbances import Disturbance
+from wbc.sim.dynamic import Dynamics
+from wbc.sim.mujoco_model import MujocoSettings, build_mujoco, rotor_defaults
+from wbc.sim.mujoco_plant import MujocoPlant
+from wbc.sim.pads import Pads
+from wbc.sim.plant import Plant
+from wbc.sim.trial import Trial, scaled
+
+
+def build_dynamics(assembly: Assembly) -> Dynamics | None:
+    """Engine and second stage of a scenario; None for the ideal robot.
+
+    Raises:
+        WbcError: the engine cannot be had.
+    """
+    scenario, model = assembly.loaded.scenario, assembly.model
+    grasp = assembly.controller.law.kin.grasp
+    simulation, thing = scenario.simulation, scenario.object
+    if simulation.engine == "kinematic" or thing is None or scenario.force_control is None:
+        return None  # the last two: `check_dynamics`
+    tips = tuple(scenario.robot.fingers[name] for name in grasp.fingers)
+    gravity = np.array(model.pin_model.gravity.linear)
+    if grasp.planar:
+        gravity[2] = 0.0
+    wrong = build_disturbance(scenario)
+    second = ForceControl(model, tips, _gains(scenario, scenario.force_control, model, grasp))
+    trial = None
+    if wrong is not None:
+        trial = Trial(wrong, model, grasp.fingers, ~second.fingers, simulation.step)
+    return Dynamics(
+        _plant(scenario, model, grasp, tips, wrong or Disturbance()),
+        second,
+        SetPoints(grasp, build_payload(thing, scenario), gravity),
+        held=simulation.physics.control == "held",
+        release=_release(scenario),
+        trial=trial,
+    )
+
+
+def _release(scenario: Scenario) -> int | None:
+    fixture = scenario.simulation.physics.fixture
+    names = [phase.name for phase in scenario.phases]
+    return None if fixture is None else names.index(fixture)
+
+
+def _plant(
+    scenario: Scenario, model: RobotModel, grasp: Grasp, tips: tuple[str, ...], wrong: Disturbance
+) -> Plant:
+    """The engine, with the object as it truly is."""
+    body, surface = true_body(scenario), scaled(grasp.surface, wrong.size)
+    body = FreeBody(wrong.mass * body.mass, body.com, wrong.mass * body.inertia)
+    physics = true_physics(scenario, model, grasp)
+    physics = dataclasses.replace(
+        physics,
+        friction=wrong.friction * physics.friction,
+        sliding_friction=wrong.friction * physics.sliding_friction,
+    )
+    if scenario.simulation.engine == "mujoco":
+        return _mujoco(scenario, model, grasp.rest_length, tips, surface, body, physics)
+    return CompliantPlant(model, tips, surface, body, true_pads(scenario, grasp), physics)
+
+
+def true_body(scenario: Scenario) -> FreeBody:
+    """The object as the scenario has it; one without mass where it has none."""
+    thing = scenario.object
+    if thing is None:
+        return FreeBody(0.0, np.zeros(3), np.zeros(3))
+    return FreeBody(float(thing.mass or 0.0), np.array(thing.com), np.array(thing.inertia))
+
+
+def true_pads(scenario: Scenario, grasp: Grasp) -> Pads:
+    """The fingertips as the compliant engine has them."""
+    given, one = scenario.simulation.physics, np.ones(grasp.count)
+    return Pads(
+        grasp.rest_length, grasp.stiffness, given.pad_damping * one, given.bristle_stiffness * one,
+        given.bristle_damping * one,
+    )  # fmt: skip
+
+
+def true_physics(scenario: Scenario, model: RobotModel, grasp: Grasp) -> Physics:
+    """Steps, friction and what the joints add."""
+    given = scenario.simulation.physics
+    return Physics(
+        step=given.step,
+        friction=_by(given.friction, grasp.fingers, 0.8),
+        sliding_friction=_by(given.sliding_friction, grasp.fingers, 0.0),
+        armature=_by(given.armature, model.joint_names, 0.0),
+        joint_damping=_by(given.joint_damping, model.joint_names, 0.0),
+    )
+
+
+def _mujoco(
+    scenario: Scenario, model: RobotModel, pads: Array, tips: tuple[str, ...], surface: Surface,
+    body: FreeBody, physics: Physics,
+) -> Plant:  # fmt: skip
+    given = scenario.simulation.physics
+    armature, damping = rotor_defaults(model)
+    physics = dataclasses.replace(
+        physics,
+        armature=_by(given.armature, model.joint_names, armature),
+        joint_damping=_by(given.joint_damping, model.joint_names, damping),
+    )
+    settings = MujocoSettings(_torque_limits(scenario, model), table=given.table)
+    made = build_mujoco(model, tips, pads, surface, body, physics, settings)
+    return MujocoPlant(made, fixture=given.fixture is not None)
+
+
+def _gains(
+    scenario: Scenario, given: dynamic_blocks.ForceControl, model: RobotModel, grasp: Grasp
+) -> ForceGains:
+    tips = {scenario.robot.fingers[name] for name in grasp.fingers}
+    carried = sum((model.support(model.frame(tip)) for tip in tips), np.zeros(model.nv))
+    arm, names, fingers = carried != 1.0, model.joint_names, grasp.fingers
+    arms = given.arms
+    stiffness = np.where(arm, _by(arms.stiffness, names, 1000.0), 0.0)
+    limit = _torque_limits(scenario, model)
+    return ForceGains(
+        position=_by(given.position, fingers, 2000.0),
+        force=_by(given.force, fingers, 0.2),
+        integral=_by(given.integral, fingers, 20.0),
+        smoothing=given.smoothing,
+        windup=_by(given.windup, fingers, 5.0),
+        damping=np.where(arm, _by(arms.damping, names, 100.0), _by(given.damping, names, 5.0)),
+        stiffness=stiffness,
+        joint_integral=arms.integral * stiffness,
+        joint_windup=np.full(model.nv, arms.windup),
+        tau_min=-limit,
+        tau_max=limit,
+        inertia=given.inertia,
+        relative=given.position_in == "palm",
+    )
+
+
+def _torque_limits(scenario: Scenario, model: RobotModel) -> Array:
+    return torque_limits({} if scenario.forces is None else scenario.forces.torque_limits, model)
+
+
+def _by(values: Mapping[str, float], names: tuple[str, ...], default: float | Array) -> Array:
+    """The values of contacts or joints, by name or pattern, else the default, one or (n,)."""
+    found = np.array([value_for(values, name) for name in names], dtype=np.float64)
+    return np.where(np.isnan(found), default, found)

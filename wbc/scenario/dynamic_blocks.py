@@ -1,0 +1,126 @@
+"""The blocks of a scenario that runs under torques: its physics, and the second stage's gains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, TypeAlias, final
+
+from pydantic import Field
+
+from wbc.scenario.blocks import EVERY, Block, Flag, Prepared, Text
+from wbc.scenario.units import (
+    Damping,
+    Force,
+    Inertia,
+    Length,
+    NonNegative,
+    PositiveTime,
+    Quantity,
+    RateFromZero,
+    Stiffness,
+    Time,
+    TorqueBound,
+    TurningDamping,
+    TurningStiffness,
+)
+
+
+def _by_name(raw: object) -> object:
+    return raw if isinstance(raw, dict) else {EVERY: raw}
+
+
+def _one(quantity: Quantity) -> Prepared:
+    """One value for all, kept under ``"*"``, or values by name or pattern."""
+
+    def schema() -> dict[str, Any]:
+        return quantity.__get_pydantic_json_schema__(None, None)
+
+    return Prepared(_by_name, schema)
+
+
+NumberBy: TypeAlias = Annotated[Mapping[str, NonNegative], _one(Quantity("number", least=0.0))]
+StiffnessBy: TypeAlias = Annotated[Mapping[str, Stiffness], _one(Quantity("stiffness", above=0.0))]
+RateBy: TypeAlias = Annotated[Mapping[str, RateFromZero], _one(Quantity("rate", least=0.0))]
+ForceBy: TypeAlias = Annotated[Mapping[str, Force], _one(Quantity("force", least=0.0))]
+InertiaBy: TypeAlias = Annotated[Mapping[str, Inertia], _one(Quantity("inertia", least=0.0))]
+TurningStiffnessBy: TypeAlias = Annotated[
+    Mapping[str, TurningStiffness], _one(Quantity("rotational stiffness", least=0.0))
+]
+TurningDampingBy: TypeAlias = Annotated[
+    Mapping[str, TurningDamping], _one(Quantity("rotational damping", least=0.0))
+]
+
+
+@final
+class Physics(Block):
+    """Robot, pads and friction as an engine computes them."""
+
+    step: PositiveTime = Field(default=1e-3, description="longest step of the engine's rule")
+    control: Literal["held", "continuous"] = Field(
+        default="held",
+        description="torques held over the tick; continuous: anew in every evaluation, as in the "
+        "published simulation (compliant only)",
+    )
+    friction: NumberBy = Field(default={EVERY: 0.8}, description="mu of tips; by contact")
+    sliding_friction: NumberBy = Field(
+        default={EVERY: 0.0}, description="mu of tips while they slide on purpose; by contact"
+    )
+    pad_damping: Damping = Field(default=5.0, description="of the pads along the normal")
+    bristle_stiffness: Stiffness = Field(default=2e4, description="of stick-slip friction")
+    bristle_damping: Annotated[float, Quantity("damping", above=0.0)] = 20.0
+    armature: InertiaBy = Field(
+        default={},
+        description="joint or pattern: reflected inertia of its motor; mujoco: by its effort where "
+        "none is given, and so its friction",
+    )
+    joint_damping: TurningDampingBy = Field(
+        default={}, description="joint or pattern: viscous friction"
+    )
+    fixture: Text | None = Field(
+        default=None,
+        description="phase at whose start what holds the object until then lets go (mujoco only)",
+    )
+    table: Length | None = Field(
+        default=None, description="height of a table top below the object (mujoco only)"
+    )
+
+
+@final
+class Arms(Block):
+    """Joint control of all that is no finger."""
+
+    stiffness: TurningStiffnessBy = Field(
+        default={EVERY: 1000.0}, description="joint or pattern; of sliding joints in N/m"
+    )
+    damping: TurningDampingBy = Field(default={EVERY: 100.0}, description="joint or pattern")
+    integral: RateFromZero = Field(default=0.0, description="of the stiffness's torque")
+    windup: TorqueBound = Field(default=10.0, description="largest torque of the integrators")
+
+
+@final
+class ForceControl(Block):
+    """The second stage (36)."""
+
+    position: StiffnessBy = Field(default={EVERY: 2000.0}, description="k_P; by contact")
+    force: NumberBy = Field(default={EVERY: 0.2}, description="k_F; by contact")
+    smoothing: Time = Field(
+        default=0.0, description="time constant of the force errors that k_F acts on"
+    )
+    integral: RateBy = Field(default={EVERY: 20.0}, description="k_I; by contact")
+    windup: ForceBy = Field(
+        default={EVERY: 5.0}, description="largest force of the integrators; by contact"
+    )
+    damping: TurningDampingBy = Field(
+        default={EVERY: 5.0}, description="k_d of finger joints, by joint or pattern"
+    )
+    position_in: Literal["palm", "world"] = Field(
+        default="palm",
+        description="where k_P holds a tip: world, errors of the arms made up for; or about its "
+        "palm, wherever that is",
+    )
+    arms: Arms = Field(default_factory=Arms)
+    inertia: Flag = Field(
+        default=True,
+        description="feed the torques of the commanded motion forward; false: gravity's only, "
+        "as printed",
+    )
