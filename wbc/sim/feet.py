@@ -58,7 +58,8 @@ class Feet:
                     continue
             elif not self._astray(i, tip):
                 self._judge(i, tip)
-                continue
+                if self.near[i]:
+                    continue  # one that has gone is looked for, for it may have come elsewhere
             if np.isfinite(tip).all():
                 self._xi[i], self._face[i] = self._surface.project(self._flat(tip))
                 self.records[i] = self._surface.charts(self._xi[i : i + 1], self._face[i])[0]
