@@ -9,8 +9,9 @@ import pytest
 
 from tests.exchange.dynamics import World, exchanged, figures, outcome
 from wbc.arrays import Array, IntArray
+from wbc.cli.session import run_meta
 from wbc.control.force_control import TorqueStatus
-from wbc.recording import Log
+from wbc.recording import Log, Recorder
 from wbc.scenario import load
 from wbc.scenario.build import build
 from wbc.scenario.build_dynamics import build_dynamics
@@ -101,6 +102,35 @@ def test_held_torques_are_stable_with_a_margin(settings: dict[str, object]) -> N
     assert found.position <= 0.2 and found.angle <= 0.2
     assert (found.force <= [0.12, 0.12, 0.3, 0.3]).all()  # 0.1 but for the friction that drags
     assert not found.off.any()
+
+
+@pytest.mark.slow
+def test_the_bar_is_passed_on_the_compliant_engine_as_in_mujoco() -> None:
+    """Two engines that share neither contact nor integrator, one scenario."""
+    assembly = build(load("dual_arm_exchange_mujoco", {"simulation.engine": "compliant"}))
+    dynamics = build_dynamics(assembly)
+    assert dynamics is not None
+    recorder = Recorder(run_meta(assembly, dynamics), assembly.ticks)
+    for record, _ in dynamic.run(assembly.controller, assembly.start, assembly.ticks, dynamics):
+        recorder.append(record)
+    facts = outcome(recorder.finish())
+    assert facts["dropped"] is False
+    assert facts["object_error_max_m"] < 4e-4 and facts["object_error_max_rad"] < 3e-3
+    assert facts["slip_max_m"] < 2e-4 and facts["contact_lost_s"] <= 0.03
+
+
+def test_a_push_disturbs_and_a_fixture_holds_on_the_compliant_engine() -> None:
+    push = "{pushes: [{at: 0.1 s, force: [5 N, 0 N, 0 N], over: 0.1 s}]}"
+    ways = []
+    for settings in (
+        {},
+        {"simulation.disturbances": push},
+        {"simulation.disturbances": push, "simulation.physics.fixture": "touch"},
+    ):
+        log = exchanged({"simulation.duration": "0.3 s"} | settings)
+        ways.append(float(np.abs(log.object_pose_true[:, 0]).max()))
+    assert ways[0] < 1e-4 < ways[1] < 5e-3
+    assert ways[2] == 0.0
 
 
 class Blind(Plant):

@@ -70,7 +70,10 @@ def test_the_fixture_lets_go_when_its_phase_begins() -> None:
     ("settings", "said"),
     [
         ({f"{PHYSICS}.fixture": "lfit"}, "did you mean 'lift'"),
-        ({"simulation.engine": "compliant"}, "is of the engine mujoco only"),
+        (
+            {"simulation.engine": "compliant", f"{PHYSICS}.table": "0.4 m"},
+            "is of the engine mujoco only",
+        ),
         ({f"{PHYSICS}.control": "continuous"}, "continuous is of the compliant engine"),
     ],
 )

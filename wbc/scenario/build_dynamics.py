@@ -78,7 +78,8 @@ def _plant(
     )
     if scenario.simulation.engine == "mujoco":
         return _mujoco(scenario, model, grasp.rest_length, tips, surface, body, physics)
-    return CompliantPlant(model, tips, surface, body, true_pads(scenario, grasp), physics)
+    pads, fixture = true_pads(scenario, grasp), scenario.simulation.physics.fixture is not None
+    return CompliantPlant(model, tips, surface, body, pads, physics, fixture=fixture)
 
 
 def true_body(scenario: Scenario) -> FreeBody:
@@ -100,13 +101,15 @@ def true_pads(scenario: Scenario, grasp: Grasp) -> Pads:
 
 def true_physics(scenario: Scenario, model: RobotModel, grasp: Grasp) -> Physics:
     """Steps, friction and what the joints add."""
-    given = scenario.simulation.physics
+    given, names = scenario.simulation.physics, model.joint_names
+    # the published planar robot has no motors to speak of
+    armature, damping = (0.0, 0.0) if grasp.planar else rotor_defaults(model)
     return Physics(
         step=given.step,
         friction=_by(given.friction, grasp.fingers, 0.8),
         sliding_friction=_by(given.sliding_friction, grasp.fingers, 0.0),
-        armature=_by(given.armature, model.joint_names, 0.0),
-        joint_damping=_by(given.joint_damping, model.joint_names, 0.0),
+        armature=_by(given.armature, names, armature),
+        joint_damping=_by(given.joint_damping, names, damping),
     )
 
 
@@ -115,12 +118,6 @@ def _mujoco(
     body: FreeBody, physics: Physics,
 ) -> Plant:  # fmt: skip
     given = scenario.simulation.physics
-    armature, damping = rotor_defaults(model)
-    physics = dataclasses.replace(
-        physics,
-        armature=_by(given.armature, model.joint_names, armature),
-        joint_damping=_by(given.joint_damping, model.joint_names, damping),
-    )
     settings = MujocoSettings(_torque_limits(scenario, model), table=given.table)
     made = build_mujoco(model, tips, pads, surface, body, physics, settings)
     return MujocoPlant(made, fixture=given.fixture is not None)

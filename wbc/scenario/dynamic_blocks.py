@@ -70,15 +70,15 @@ class Physics(Block):
     bristle_damping: Annotated[float, Quantity("damping", above=0.0)] = 20.0
     armature: InertiaBy = Field(
         default={},
-        description="joint or pattern: reflected inertia of its motor; mujoco: by its effort where "
-        "none is given, and so its friction",
+        description="joint or pattern: reflected inertia of its motor; where none is given, of a "
+        "robot in space by its effort, and so its friction",
     )
     joint_damping: TurningDampingBy = Field(
         default={}, description="joint or pattern: viscous friction"
     )
     fixture: Text | None = Field(
         default=None,
-        description="phase at whose start what holds the object until then lets go (mujoco only)",
+        description="phase at whose start what holds the object until then lets go",
     )
     table: Length | None = Field(
         default=None, description="height of a table top below the object (mujoco only)"

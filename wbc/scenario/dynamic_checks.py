@@ -28,15 +28,9 @@ def check_dynamics(data: dict[str, Any], faults: Faults) -> None:
     if engine == "mujoco" and physics.get("control") == "continuous":
         text = "continuous is of the compliant engine: this one takes a torque at a time"
         faults.add(("simulation", "physics", "control"), text)
-    if engine == "compliant":
-        for key in ("fixture", "table"):
-            if physics.get(key) is not None:
-                faults.add(("simulation", "physics", key), "is of the engine mujoco only")
-        wrong = mapping(simulation.get("disturbances"))
-        for key in ("pushes", "lost"):
-            if wrong.get(key):
-                faults.add(("simulation", "disturbances", key), "is of the engine mujoco only")
-    elif isinstance(physics.get("fixture"), str):
+    if engine == "compliant" and physics.get("table") is not None:
+        faults.add(("simulation", "physics", "table"), "is of the engine mujoco only")
+    if isinstance(physics.get("fixture"), str):
         names = [str(mapping(phase).get("name")) for phase in listing(data.get("phases"))]
         if physics["fixture"] not in names:
             faults.unknown(("simulation", "physics", "fixture"), "phase", physics["fixture"], names)

@@ -145,11 +145,12 @@ class CompliantPlant(Plant):
 
     def __init__(
         self, model: RobotModel, tips: tuple[str, ...], surface: Surface, body: FreeBody,
-        pads: Pads, physics: Physics,
+        pads: Pads, physics: Physics, *, fixture: bool = False,
     ) -> None:  # fmt: skip
         """
         Args:
             tips: (N,) frames of the fingertips.
+            fixture: the object is held where `reset` puts it until `release`.
         """
         n, nv = len(tips), model.nv
         self._model = model
@@ -173,6 +174,7 @@ class CompliantPlant(Plant):
         self._rotation: Array = np.eye(3)  # at the start of the step; φ is from there
         self._force: Array = np.zeros((n, 3))
         self._wrench: Array = np.zeros(6)
+        self._fixture = self._held = fixture
         self._push: Array = np.zeros(3)
         self._bears: BoolArray = np.ones(n, dtype=np.bool_)
         self._slide: Array = np.zeros(n)
@@ -213,6 +215,7 @@ class CompliantPlant(Plant):
             velocity[:], spin[:] = twist[:3], twist[3:]
         self._rotation = np.array(rotation, dtype=np.float64)
         com[:] = position + self._rotation @ self._body.com
+        self._held = self._fixture
         self.treat(np.full(len(self._holds), ContactMode.FIXED))
         self.disturb(np.zeros(3), np.zeros(len(self._holds), dtype=np.bool_))
         self.feet.forget()
@@ -227,6 +230,10 @@ class CompliantPlant(Plant):
     def disturb(self, push: Array, lost: BoolArray) -> None:
         """As `Plant.disturb`; the work of the push is part of `work`."""
         self._push, self._bears = np.array(push, dtype=np.float64), ~lost
+
+    def release(self) -> None:
+        """As `Plant.release`."""
+        self._held = False
 
     def step(self, tau: Array, dt: float) -> Sensed:
         """As `Plant.step`."""
@@ -303,6 +310,8 @@ class CompliantPlant(Plant):
             rotation, phi, velocity, spin, self._body.mass, self._inertia, self._gravity,
             self._planar, self._wrench, out[self._body_rates],
         )  # fmt: skip
+        if self._held:
+            out[self._body_rates] = 0.0
         q_rate[:] = v
         slip_rate[:] = self._slide * self._holds
         account[:] = power + pushed, lost + rubbed
