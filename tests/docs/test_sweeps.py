@@ -11,6 +11,7 @@ from wbc.campaign import store
 from wbc.campaign.figures import wilson
 from wbc.cli import parser
 from wbc.cli.sweep import LOGS
+from wbc.scenario.build_disturbance import ranges_of
 from wbc.scenario.disturbance_blocks import Disturbances
 from wbc.scenario.located import read_text
 
@@ -34,7 +35,7 @@ def test_every_key_of_disturbances_is_told() -> None:
 def test_the_example_is_read() -> None:
     (example,) = re.findall(r"^```yaml\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
     block = read_text(example.encode()).data["simulation"]["disturbances"]
-    assert Disturbances.model_validate(block).ranges.position == 0.005
+    assert ranges_of(Disturbances.model_validate(block)).position == 0.005
 
 
 def test_files_and_figures() -> None:

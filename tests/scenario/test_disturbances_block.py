@@ -9,6 +9,7 @@ import pytest
 
 from wbc.errors import ScenarioError
 from wbc.scenario import load
+from wbc.scenario.build_disturbance import ranges_of
 from wbc.scenario.disturbance_blocks import Disturbances, check_disturbances
 from wbc.scenario.wording import Faults
 from wbc.sim.disturbances import Lost, Push, Ranges
@@ -23,7 +24,7 @@ WHOLE = {
 
 
 def test_every_quantity_in_its_unit() -> None:
-    assert Disturbances.model_validate(WHOLE).ranges == Ranges(
+    assert ranges_of(Disturbances.model_validate(WHOLE)) == Ranges(
         mass=0.3, friction=0.3, size=0.01, position=0.005, rotation=math.radians(2.0),
         gravity=0.05, force_noise=0.05, force_floor=0.02, joint_noise=2e-4,
         velocity_noise=math.radians(1.0), delay=0.003, dropout=0.01,
@@ -32,7 +33,7 @@ def test_every_quantity_in_its_unit() -> None:
 
 
 def test_an_empty_block_disturbs_nothing() -> None:
-    assert Disturbances.model_validate({}).ranges == Ranges()
+    assert ranges_of(Disturbances.model_validate({})) == Ranges()
 
 
 def faults_of(**given: Any) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from wbc.scenario.disturbance_blocks import Disturbances
 from wbc.scenario.schema import Scenario
-from wbc.sim.disturbances import Disturbance, draw
+from wbc.sim.disturbances import Disturbance, Lost, Push, Ranges, draw
 
 
 def build_disturbance(scenario: Scenario) -> Disturbance | None:
@@ -12,4 +13,12 @@ def build_disturbance(scenario: Scenario) -> Disturbance | None:
     if asked is None:
         return None
     planar = scenario.object is not None and scenario.object.pose.planar
-    return draw(asked.ranges, scenario.simulation.seed, planar=planar)
+    return draw(ranges_of(asked), scenario.simulation.seed, planar=planar)
+
+
+def ranges_of(block: Disturbances) -> Ranges:
+    """What a trial is drawn from."""
+    plain = {name: getattr(block, name) for name in type(block).model_fields}
+    plain["pushes"] = tuple(Push(p.at, p.force, p.over) for p in block.pushes)
+    plain["lost"] = tuple(Lost(entry.finger, entry.at, entry.over) for entry in block.lost)
+    return Ranges(**plain)

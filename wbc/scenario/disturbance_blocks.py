@@ -10,7 +10,6 @@ from pydantic import Field
 from wbc.scenario.blocks import Block, Entries, Text
 from wbc.scenario.units import Distance, Force, PositiveTime, Quantity, Time
 from wbc.scenario.wording import Faults, listing, mapping
-from wbc.sim.disturbances import Lost, Push, Ranges
 
 Range: TypeAlias = Annotated[float, Quantity("share", least=0.0, most=0.95)]
 Share: TypeAlias = Annotated[float, Quantity("share", least=0.0, most=1.0)]
@@ -65,14 +64,6 @@ class Disturbances(Block):
     )
     pushes: tuple[PushSpec, ...] = ()
     lost: tuple[LostSpec, ...] = Field(default=(), description="contacts")
-
-    @property
-    def ranges(self) -> Ranges:
-        """What a trial is drawn from."""
-        plain = {name: getattr(self, name) for name in type(self).model_fields}
-        plain["pushes"] = tuple(Push(p.at, p.force, p.over) for p in self.pushes)
-        plain["lost"] = tuple(Lost(entry.finger, entry.at, entry.over) for entry in self.lost)
-        return Ranges(**plain)
 
 
 def check_disturbances(data: dict[str, Any], faults: Faults) -> None:
