@@ -71,6 +71,7 @@ def test_arms_are_commanded_with_a_wrong_weight() -> None:
         SURFACES["cylinder"](0.03, 0.2),
         SURFACES["superellipsoid"](0.03, 0.04, 0.05, 4.0),
         SURFACES["fourier_contour"](0.5, 0.36, 0.06),
+        SURFACES["fourier_contour"](0.5, 0.15, 0.0, ((2.0, 0.0, 0.0, 0.25, 0.0),)),
         SURFACES["superellipse"](0.5, 0.4, 3.0),
     ],
 )

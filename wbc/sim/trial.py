@@ -88,8 +88,14 @@ def scaled(surface: _Shape, factor: float) -> _Shape:
     sizes: dict[str, Any] = {}
     for field in dataclasses.fields(surface):  # type: ignore[arg-type]  # every final one is
         if field.init and field.name != "p":
-            value = getattr(surface, field.name)
-            many = isinstance(value, tuple)
-            sizes[field.name] = tuple(factor * x for x in value) if many else factor * value
+            sizes[field.name] = _larger(field.name, getattr(surface, field.name), factor)
     changed: _Shape = dataclasses.replace(surface, **sizes)  # type: ignore[type-var]
     return changed
+
+
+def _larger(name: str, value: Any, factor: float) -> Any:
+    if name == "harmonics":  # the first of a row is its order
+        return tuple((order, *(factor * x for x in lengths)) for order, *lengths in value)
+    if isinstance(value, tuple):
+        return tuple(factor * x for x in value)
+    return factor * value
