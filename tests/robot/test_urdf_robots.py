@@ -29,7 +29,7 @@ def _write(folder: Path, text: str | bytes) -> Path:
 def test_robots_of_the_house_pass_and_load(name: str) -> None:
     text = load_urdf_text(resources.find("urdf", name))
     model = pin.buildModelFromXML(text)
-    assert model.nv > 0
+    assert model.nv > 0 or name == "hand_stand"  # a part to put a hand on
 
 
 @pytest.mark.parametrize(

@@ -88,9 +88,9 @@ def test_mass_friction_and_size_reach_the_plant(monkeypatch: pytest.MonkeyPatch)
     made: dict[str, Any] = {}
     init = CompliantPlant.__init__
 
-    def watched(self: CompliantPlant, *args: Any) -> None:
+    def watched(self: CompliantPlant, *args: Any, **more: Any) -> None:
         made.update(zip(("model", "tips", "surface", "body", "pads", "physics"), args, strict=True))
-        init(self, *args)
+        init(self, *args, **more)
 
     monkeypatch.setattr(CompliantPlant, "__init__", watched)
     wrong = "{mass: 0.3, friction: 0.3, size: 0.02}"
