@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeAlias
 
 DEFAULT_HAND = "dexmart_hand_right"
+_Add: TypeAlias = Callable[[str, str, str], argparse.ArgumentParser]
 _RANGES = "a robot with these joints, to know their ranges"
 
 
@@ -28,6 +29,20 @@ def add_synergy(
         command.set_defaults(command=later(f"wbc.cli.synergy_{module}", f"{name}_command"))
         return command
 
+    _add_use(add, view)
+    _add_sources(add)
+    tables = add("tables", "tables", "what the published tables say and imply, as JSON and CSV")
+    _add_out(tables, "DIR")
+    pictures = add(
+        "pictures", "pictures", "draw the synergies, their ranges, and all published grasps"
+    )
+    _add_synergies(pictures)
+    _add_hand(pictures)
+    _add_out(pictures, "DIR")
+
+
+def _add_use(add: _Add, view: Callable[[Any], None]) -> None:
+    """What is done with synergies: weights of postures, a hand in motion."""
     project = add(
         "project", "files", "the weights of recorded postures, and how well they give them back"
     )
@@ -55,6 +70,9 @@ def add_synergy(
     show.add_argument("synergy", metavar="SYNERGY", help="e1, e2, ...")
     _add_motion(show, view)
 
+
+def _add_sources(add: _Add) -> None:
+    """Where synergies come from: postures, files of others."""
     fit = add("fit", "files", "find the synergies of recorded postures and save them")
     fit.add_argument("postures", metavar="POSTURES.csv", help="as for project")
     _add_unit(fit)
@@ -70,16 +88,6 @@ def add_synergy(
     )  # fmt: skip
     _add_hand(read, None, _RANGES)
     _add_out(read, "FILE.json")
-
-    tables = add("tables", "tables", "what the published tables say and imply, as JSON and CSV")
-    _add_out(tables, "DIR")
-
-    pictures = add(
-        "pictures", "pictures", "draw the synergies, their ranges, and all published grasps"
-    )
-    _add_synergies(pictures)
-    _add_hand(pictures)
-    _add_out(pictures, "DIR")
 
 
 def _add_unit(command: argparse.ArgumentParser) -> None:
