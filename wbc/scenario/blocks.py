@@ -18,7 +18,15 @@ from pydantic import (
 )
 from pydantic_core import core_schema
 
-from wbc.scenario.units import Angle, AngleOrLength, JointValue, Length, Number, refusal
+from wbc.scenario.units import (
+    Angle,
+    AngleOrLength,
+    JointValue,
+    Length,
+    Number,
+    Quantity,
+    refusal,
+)
 from wbc.scenario.wording import show
 
 EVERY: Final = "*"
@@ -65,7 +73,7 @@ def _direction(raw: tuple[float, ...]) -> tuple[float, ...]:
     return raw
 
 
-def _per_joint(raw: object) -> object:
+def _by_name(raw: object) -> object:
     return raw if isinstance(raw, dict) else {EVERY: raw}
 
 
@@ -83,6 +91,15 @@ class Prepared:
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         inner: dict[str, Any] = handler(schema)
         return {"anyOf": [self.also(), inner]} if self.also else inner
+
+
+def one_or_by_name(quantity: Quantity) -> Prepared:
+    """One value for all, kept under ``"*"``, or values by name or pattern."""
+
+    def schema() -> dict[str, Any]:
+        return quantity.__get_pydantic_json_schema__(None, None)
+
+    return Prepared(_by_name, schema)
 
 
 @final
@@ -133,7 +150,7 @@ Pairs: TypeAlias = tuple[Pair, ...]
 AutoOrPairs: TypeAlias = Annotated[Pairs | None, Prepared(_pairs, lambda: {"const": "auto"})]
 """None stands for auto."""
 PerJoint: TypeAlias = Annotated[
-    Mapping[str, JointValue], Prepared(_per_joint, AngleOrLength.json_schema)
+    Mapping[str, JointValue], Prepared(_by_name, AngleOrLength.json_schema)
 ]
 """One value, kept under ``"*"``, or a value by joint."""
 Weights: TypeAlias = Annotated[

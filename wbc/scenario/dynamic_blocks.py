@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, TypeAlias, final
+from typing import Annotated, Literal, TypeAlias, final
 
 from pydantic import Field
 
-from wbc.scenario.blocks import EVERY, Block, Flag, Prepared, Text
+from wbc.scenario.blocks import EVERY, Block, Flag, Text, one_or_by_name
 from wbc.scenario.units import (
     Damping,
     Force,
@@ -24,30 +24,24 @@ from wbc.scenario.units import (
     TurningStiffness,
 )
 
-
-def _by_name(raw: object) -> object:
-    return raw if isinstance(raw, dict) else {EVERY: raw}
-
-
-def _one(quantity: Quantity) -> Prepared:
-    """One value for all, kept under ``"*"``, or values by name or pattern."""
-
-    def schema() -> dict[str, Any]:
-        return quantity.__get_pydantic_json_schema__(None, None)
-
-    return Prepared(_by_name, schema)
-
-
-NumberBy: TypeAlias = Annotated[Mapping[str, NonNegative], _one(Quantity("number", least=0.0))]
-StiffnessBy: TypeAlias = Annotated[Mapping[str, Stiffness], _one(Quantity("stiffness", above=0.0))]
-RateBy: TypeAlias = Annotated[Mapping[str, RateFromZero], _one(Quantity("rate", least=0.0))]
-ForceBy: TypeAlias = Annotated[Mapping[str, Force], _one(Quantity("force", least=0.0))]
-InertiaBy: TypeAlias = Annotated[Mapping[str, Inertia], _one(Quantity("inertia", least=0.0))]
+NumberBy: TypeAlias = Annotated[
+    Mapping[str, NonNegative], one_or_by_name(Quantity("number", least=0.0))
+]
+StiffnessBy: TypeAlias = Annotated[
+    Mapping[str, Stiffness], one_or_by_name(Quantity("stiffness", above=0.0))
+]
+RateBy: TypeAlias = Annotated[
+    Mapping[str, RateFromZero], one_or_by_name(Quantity("rate", least=0.0))
+]
+ForceBy: TypeAlias = Annotated[Mapping[str, Force], one_or_by_name(Quantity("force", least=0.0))]
+InertiaBy: TypeAlias = Annotated[
+    Mapping[str, Inertia], one_or_by_name(Quantity("inertia", least=0.0))
+]
 TurningStiffnessBy: TypeAlias = Annotated[
-    Mapping[str, TurningStiffness], _one(Quantity("rotational stiffness", least=0.0))
+    Mapping[str, TurningStiffness], one_or_by_name(Quantity("rotational stiffness", least=0.0))
 ]
 TurningDampingBy: TypeAlias = Annotated[
-    Mapping[str, TurningDamping], _one(Quantity("rotational damping", least=0.0))
+    Mapping[str, TurningDamping], one_or_by_name(Quantity("rotational damping", least=0.0))
 ]
 
 

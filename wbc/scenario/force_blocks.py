@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, TypeAlias, final
+from typing import Annotated, Literal, TypeAlias, final
 
 from pydantic import Field
 
-from wbc.scenario.blocks import EVERY, Block, Entries, Prepared, Text, Vector3
+from wbc.scenario.blocks import Block, Entries, Text, Vector3, one_or_by_name
 from wbc.scenario.units import (
     Density,
     Inertia,
@@ -20,25 +20,12 @@ from wbc.scenario.units import (
     Torque,
 )
 
-
-def _per_contact(raw: object) -> object:
-    return raw if isinstance(raw, dict) else {EVERY: raw}
-
-
-def _number_schema() -> dict[str, Any]:
-    return Quantity("number", above=0.0).__get_pydantic_json_schema__(None, None)
-
-
-def _length_schema() -> dict[str, Any]:
-    return Quantity("length", above=0.0).__get_pydantic_json_schema__(None, None)
-
-
 PerContact: TypeAlias = Annotated[
-    Mapping[str, PositiveNumber], Prepared(_per_contact, _number_schema)
+    Mapping[str, PositiveNumber], one_or_by_name(Quantity("number", above=0.0))
 ]
 """One value, kept under ``"*"``, or a value by contact or pattern of contacts."""
 LengthPerContact: TypeAlias = Annotated[
-    Mapping[str, PositiveLength], Prepared(_per_contact, _length_schema)
+    Mapping[str, PositiveLength], one_or_by_name(Quantity("length", above=0.0))
 ]
 Inertia3: TypeAlias = Annotated[tuple[Inertia, Inertia, Inertia], Entries(3)]
 
