@@ -230,6 +230,18 @@ def _assembled(
                 tau[j] += linear[i, r, j] * push
 
 
+def finger_joints(model: RobotModel, tips: tuple[str, ...]) -> BoolArray:
+    """(nv,) joints that carry one of the tips only; the others are arms and torso.
+
+    Args:
+        tips: frames of the fingertips; a name given twice is one tip.
+    """
+    chains = (model.support(model.frame(tip)) for tip in set(tips))
+    carried: Array = sum(chains, np.zeros(model.nv))
+    single: BoolArray = carried == 1.0
+    return single
+
+
 @final
 class ForceControl:
     """(36) for all fingers of a robot, joint control for the rest; holds no state between ticks.
@@ -244,10 +256,9 @@ class ForceControl:
         Args:
             tips: (N,) frames of the fingertips; fingers may share one.
         """
-        chains = {tip: model.support(model.frame(tip)) > 0.0 for tip in tips}
-        carried = np.sum([*chains.values(), np.zeros(model.nv)], axis=0)
-        self.fingers: BoolArray = carried == 1.0
-        self._own = np.array([chains[tip] & self.fingers for tip in tips]).reshape(-1, model.nv)
+        self.fingers = finger_joints(model, tips)
+        chains = [model.support(model.frame(tip)) > 0.0 for tip in tips]
+        self._own = np.array([chain & self.fingers for chain in chains]).reshape(-1, model.nv)
         self.gains = gains
         self._kin = Kinematics(model, tips)
         self._wanted = Kinematics(model, tips)

@@ -10,7 +10,7 @@ import numpy as np
 from wbc.arrays import Array
 from wbc.contact.grasp import Grasp
 from wbc.contact.surfaces import Surface
-from wbc.control.force_control import ForceControl, ForceGains
+from wbc.control.force_control import ForceControl, ForceGains, finger_joints
 from wbc.control.set_points import SetPoints
 from wbc.robot.model import RobotModel
 from wbc.scenario import dynamic_blocks
@@ -44,7 +44,7 @@ def build_dynamics(assembly: Assembly) -> Dynamics | None:
     if grasp.planar:
         gravity[2] = 0.0
     wrong = build_disturbance(scenario)
-    second = ForceControl(model, tips, _gains(scenario, scenario.force_control, model, grasp))
+    second = ForceControl(model, tips, _gains(scenario, scenario.force_control, model, grasp, tips))
     trial = None
     if wrong is not None:
         trial = Trial(wrong, model, grasp.fingers, ~second.fingers, simulation.step)
@@ -124,11 +124,10 @@ def _mujoco(
 
 
 def _gains(
-    scenario: Scenario, given: dynamic_blocks.ForceControl, model: RobotModel, grasp: Grasp
-) -> ForceGains:
-    tips = {scenario.robot.fingers[name] for name in grasp.fingers}
-    carried = sum((model.support(model.frame(tip)) for tip in tips), np.zeros(model.nv))
-    arm, names, fingers = carried != 1.0, model.joint_names, grasp.fingers
+    scenario: Scenario, given: dynamic_blocks.ForceControl, model: RobotModel, grasp: Grasp,
+    tips: tuple[str, ...],
+) -> ForceGains:  # fmt: skip
+    arm, names, fingers = ~finger_joints(model, tips), model.joint_names, grasp.fingers
     arms = given.arms
     stiffness = np.where(arm, _by(arms.stiffness, names, 1000.0), 0.0)
     limit = _torque_limits(scenario, model)
