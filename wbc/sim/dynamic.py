@@ -11,14 +11,11 @@ from wbc.arrays import Array
 from wbc.control.controller import Controller
 from wbc.control.force_control import ForceControl, Goal, TorqueState
 from wbc.control.set_points import SetPoints
-from wbc.control.state import ControllerState, DynamicsRecord, Measurement, TickRecord
+from wbc.control.state import ControllerState, Measurement, TickRecord
+from wbc.control.torque_controller import TorqueController
 from wbc.sim.compliant import CompliantPlant
-from wbc.sim.plant import Plant
+from wbc.sim.plant import Plant, Sensed
 from wbc.sim.trial import Trial
-
-_BRIDGED = 5
-"""Ticks without joint positions after which the first stage is told, and brakes at once: a
-reference that stops and starts within a tick asks more of the joints than a gap of some ticks."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +40,10 @@ class Dynamics:
     release: int | None = None
     trial: Trial | None = None
 
+    def control(self, controller: Controller) -> TorqueController:
+        """Both stages as one controller, as a robot of one's own would have it."""
+        return TorqueController(controller, self.second, self.set_points)
+
 
 def run(
     controller: Controller, state: ControllerState, ticks: int, dynamics: Dynamics
@@ -54,32 +55,26 @@ def run(
     Yields:
         Each tick's record, with what was measured, and the state after it.
     """
-    plant, second, dt = dynamics.plant, dynamics.second, controller.settings.dt
-    trial, start = dynamics.trial, controller.law.kin.start
+    plant, trial, dt = dynamics.plant, dynamics.trial, controller.settings.dt
+    start = controller.law.kin.start
     pose = start.position, start.rotation
     if trial is not None:
         trial.begin()
         pose = trial.placed(*pose)
     sensed = plant.reset(state.q, np.zeros(len(state.q)), *pose)
-    torques, mode = second.init(), np.full(controller.law.kin.grasp.count, -1)
-    blind = 0
+    control = dynamics.control(controller)
+    loop, mode = control.init(state), np.full(controller.law.kin.grasp.count, -1)
     for _ in range(ticks):
         seen = sensed.measurement if trial is None else trial.seen(sensed)
-        blind = 0 if np.isfinite(seen.q).all() else blind + 1
-        bridged = 0 < blind <= _BRIDGED  # the second stage holds its torques, the references go on
-        record, state = controller.step(state, None if bridged else Measurement(seen.q))
+        tick, loop = control.step(loop, seen)
+        record = tick.record
         if not np.array_equal(mode, record.mode):
             mode = record.mode
             plant.treat(mode)
         if dynamics.release is not None and record.phase >= dynamics.release:
             plant.release()
-        goal = _goal(record, state, dynamics.set_points, seen.force)
-        command, torques = second.step(torques, goal, seen, dt)
-        yield record._replace(dynamics=DynamicsRecord(
-            command.tau, sensed.force, goal.force, sensed.object_position, sensed.object_rotation,
-            sensed.slip, sensed.q, sensed.v, int(command.status),
-        )), state  # fmt: skip
-        tau = command.tau
+        yield _with_truth(record, sensed), loop.first
+        tau = tick.command.tau
         if trial is not None:
             tau = trial.misjudged(tau, seen.q)
             if trial.eventful:
@@ -87,19 +82,16 @@ def run(
         if dynamics.held or not isinstance(plant, CompliantPlant):
             sensed = plant.step(tau, dt)
         else:
-            sensed = plant.step_feedback(_Following(second, torques, goal), dt)
+            sensed = plant.step_feedback(_Following(control.second, loop.second, tick.goal), dt)
 
 
-def _goal(
-    record: TickRecord, state: ControllerState, set_points: SetPoints, found: Array | None
-) -> Goal:
-    """What the second stage is to follow in this tick."""
-    if record.forces is not None:
-        force = record.forces.force
-    else:
-        force = set_points.at(record, state.phase.motion, found)
-    arms = record.contact_points - record.object_position
-    return Goal(record.q, record.v, record.mode, arms, record.contact_normals, force)
+def _with_truth(record: TickRecord, sensed: Sensed) -> TickRecord:
+    """The record with robot and object where they are, whatever the sensors say."""
+    assert record.dynamics is not None  # a `TorqueController` made it
+    return record._replace(dynamics=record.dynamics._replace(
+        force=sensed.force, object_position=sensed.object_position,
+        object_rotation=sensed.object_rotation, slip=sensed.slip, q=sensed.q, v=sensed.v,
+    ))  # fmt: skip
 
 
 @dataclass(frozen=True)
