@@ -10,7 +10,9 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import Array, BoolArray, IntArray
+from wbc.compiled import kernel
 from wbc.contact.grasp import ContactMode
+from wbc.rotations import cross
 from wbc.sim.mujoco_model import OBJECT_BIT, MujocoModel, wxyz
 from wbc.sim.mujoco_shapes import mujoco
 from wbc.sim.plant import Plant, Sensed
@@ -98,7 +100,7 @@ class MujocoPlant(Plant):
         if not self._lost:
             self.data.ctrl[self._map.motor] = tau
             self._mj.mj_step(self.model, self.data, nstep=steps)
-            self._lost = any(self.data.warning[kind].number for kind in self._fatal)
+            self._lost = bool(self.data.warning.number[self._fatal].any())
         return _no_numbers(self._map) if self._lost else self._sensed(dt)
 
     def _sensed(self, dt: float) -> Sensed:
@@ -117,37 +119,69 @@ class MujocoPlant(Plant):
         )
 
     def _contacts(self, dt: float) -> Array:
-        """(N, 3) forces of the pads on the object; what slides adds to the slip.
-
-        MuJoCo's force acts on the second geom of a contact, whose frame's rows are the axes.
-        """
-        where, data = self._map, self.data
+        """(N, 3) forces of the pads on the object; what slides adds to the slip."""
+        where, data, contact = self._map, self.data, self.data.contact
         force = np.zeros((len(where.pad_geom), 3))
-        wrench = np.zeros(6)
-        pairs = np.array(data.contact.geom).reshape(-1, 2)
-        for c in np.flatnonzero(np.any(pairs == where.object_geom, axis=1)):
-            second = pairs[c, 1] == where.object_geom
-            mine = where.pad_geom == pairs[c, 0 if second else 1]
-            if not mine.any():
-                continue
-            self._mj.mj_contactForce(self.model, data, int(c), wrench)
-            axes = data.contact.frame[c].reshape(3, 3)
-            on_object = axes.T @ wrench[:3]
-            force[mine] += on_object if second else -on_object
-            if wrench[0] > 0.0:
-                body = int(where.pad_body[np.flatnonzero(mine)[0]])
-                point = data.contact.pos[c]
-                across = axes[1:] @ (self._velocity(body, point) - self._velocity(
-                    where.object_body, point))  # fmt: skip
-                self._slip[mine & self._hold] += dt * float(np.linalg.norm(across))
+        if len(contact.dist):
+            _gathered(
+                contact.geom, contact.frame, contact.pos, contact.efc_address, data.efc_force,
+                where.object_geom, where.pad_geom, where.pad_body, where.object_body,
+                self.model.body_rootid, data.subtree_com, data.cvel, dt, self._hold, force,
+                self._slip,
+            )  # fmt: skip
         return force
 
-    def _velocity(self, body: int, point: Array) -> Array:
-        """(3,) velocity of a body's point in the world [m/s]."""
-        data = self.data
-        twist, origin = data.cvel[body], data.subtree_com[self.model.body_rootid[body]]
-        out: Array = twist[3:] + np.cross(twist[:3], point - origin)
-        return out
+
+@kernel
+def _gathered(
+    geom: Any, frame: Array, pos: Array, address: Any, solved: Array, thing: int,
+    pad_geom: IntArray, pad_body: IntArray, object_body: int, root: Any, com: Array, twist: Array,
+    dt: float, hold: BoolArray, force: Array, slip: Array,
+) -> None:  # fmt: skip
+    """Add the forces of the pads on the object, and the way of those that slide.
+
+    With elliptic cones the solver's forces of a contact are those along the axes of its frame, the
+    normal first, on its second geom; the axes are the frame's rows.
+
+    Args:
+        geom, address: (n, 2) geoms of each contact, (n,) its first row in `solved`, below 0: none.
+        frame, pos: (n, 9) axes, (n, 3) places of the contacts, world.
+        solved: forces of all constraints.
+        root, com, twist: MuJoCo's body_rootid, subtree_com and cvel.
+        force, slip: (N, 3) [N] and (N,) [m], added to.
+    """
+    on_object, across, relative = np.empty(3), np.empty(2), np.empty(3)
+    for c in range(geom.shape[0]):
+        second = geom[c, 1] == thing
+        if address[c] < 0 or not (second or geom[c, 0] == thing):
+            continue
+        other, first, row = geom[c, 0] if second else geom[c, 1], -1, address[c]
+        for i in range(pad_geom.shape[0]):
+            if pad_geom[i] != other:
+                continue
+            if first < 0:
+                first = i
+                for r in range(3):
+                    on_object[r] = (
+                        frame[c, r] * solved[row]
+                        + frame[c, 3 + r] * solved[row + 1]
+                        + frame[c, 6 + r] * solved[row + 2]
+                    ) * (1.0 if second else -1.0)
+                relative[:] = _velocity(pad_body[i], pos[c], root, com, twist)
+                relative -= _velocity(object_body, pos[c], root, com, twist)
+                for k in range(2):
+                    across[k] = 0.0
+                    for r in range(3):
+                        across[k] += frame[c, 3 + 3 * k + r] * relative[r]
+            force[i] += on_object
+            if hold[i] and solved[row] > 0.0:
+                slip[i] += dt * math.sqrt(across[0] * across[0] + across[1] * across[1])
+
+
+@kernel
+def _velocity(body: int, point: Array, root: Any, com: Array, twist: Array) -> Array:
+    """(3,) velocity of a body's point in the world [m/s]."""
+    return twist[body, 3:] + cross(twist[body, :3], point - com[root[body]])
 
 
 def _no_numbers(model: MujocoModel) -> Sensed:
