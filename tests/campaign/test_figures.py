@@ -63,6 +63,20 @@ def test_what_is_counted() -> None:
     assert "slip [mm]" not in found.measures
 
 
+def test_what_failed_first_is_in_front() -> None:
+    why = "phase 'carry' timed out after 3 s; the object was dropped at 2.1 s"
+    failed = {"failure": "contact_lost", "failure_t": 1.9, "failure_phase": "lift"}
+    lines = [
+        trial(0, False, {}, why, **failed),
+        trial(1, False, {}, "no tick was recorded", failure="no_tick", failure_phase=None),
+        trial(2, False, {}, "the object was dropped at 2.4 s", **failed),
+        trial(3, True, {}, failure=None),
+    ]
+    found = figures(lines)
+    assert found.kinds == [("contact_lost in phase 'lift'", 2, 0), ("no_tick", 1, 1)]
+    assert found.reasons[0] == "contact_lost in phase 'lift': " + why and not found.reasons[3]
+
+
 def test_what_goes_with_failure_comes_first() -> None:
     found = campaign()
     assert found.comparisons[0].name == "mass"

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.recording.runs import FORCE_META, META, planned, record, recorded
+from tests.recording.runs import FORCE_META, META, planned, record, recorded, with_forces
+from wbc.arrays import Array
 from wbc.control.force_control import TorqueStatus
-from wbc.control.state import DynamicsRecord
+from wbc.control.state import DynamicsRecord, Status
 from wbc.errors import WbcError
-from wbc.recording import Log, Recorder, summarize
+from wbc.recording import Log, Outcome, Recorder, summarize
 from wbc.recording.dynamic_facts import object_error_true
 from wbc.recording.dynamic_plots import torques
 from wbc.recording.log import DYNAMICS
@@ -23,13 +24,14 @@ LIMITED = replace(META, tau_min=(-0.5, -0.5, -np.inf), tau_max=(0.5, 0.5, np.inf
 
 
 def moved(k: int, **changes: object) -> DynamicsRecord:
-    """Tick k of a run under torques: finger 1 presses with 4 N, the object 2 mm off."""
+    """Tick k of a run under torques: finger 1 presses with 4 N, the object goes 2 mm off."""
+    off = float(k > 0)
     made = DynamicsRecord(
         tau=np.array([0.1, -0.2, 3.0]),
         force=np.array([[0.0, -4.1, 0.0], [0.0, 0.0, 0.0]]),
         plan=np.array([[0.0, -4.0, 0.0], [0.0, 0.0, 0.0]]),
-        object_position=record(k).reference_position + np.array([0.0, 2e-3, 0.0]),
-        object_rotation=exp_so3(np.array([0.0, 1e-3, 0.0])),
+        object_position=record(k).reference_position + off * np.array([0.0, 2e-3, 0.0]),
+        object_rotation=exp_so3(off * np.array([0.0, 1e-3, 0.0])),
         slip=np.array([1e-5 * k, 0.0]),
         q=record(k).q + 1e-3,
         v=record(k).v,
@@ -128,6 +130,119 @@ def test_a_dropped_object_is_no_success(change: dict[str, object]) -> None:
     facts = summarize(run(k55=change))
     assert facts["dropped"] is True
     assert "the object was dropped at 0.55 s" in facts["violations"]
+
+
+def put(k: int, position: Array, turn: Array, off: Array) -> dict[str, object]:
+    """Tick k with a reference at a pose, and the true object displaced from it in its axes."""
+    rotation = exp_so3(turn)
+    return {
+        "reference_position": position, "reference_rotation": rotation, "mode": np.array([1, 0]),
+        "dynamics": moved(
+            k, object_position=position + rotation @ off[:3],
+            object_rotation=rotation @ exp_so3(off[3:]),
+        ),
+    }  # fmt: skip
+
+
+def test_what_was_believed_wrongly_at_the_start_is_no_error_later() -> None:
+    """The object is carried along its reference, displaced in its own axes by 5 mm and 2 deg."""
+    off = np.array([3e-3, -4e-3, 0.0, 0.0, 0.03, -0.015])
+    worse = off + np.array([0.0, 0.0, 1e-3, 0.0, 0.0, 0.0])
+    given = {
+        k: put(k, np.array([0.01 * k, 0.2, 0.0]), np.array([0.02, 0.3, -0.04]) * k,
+               worse if k == 40 else off)
+        for k in range(60)
+    }  # fmt: skip
+    log = recorded(60, given, LIMITED)
+    way, angle = object_error_true(log)
+    assert np.delete(way, 40).max() < 1e-12 and angle.max() < 1e-8
+    assert way[40] == pytest.approx(1e-3)
+    assert np.linalg.norm(log.object_pose_true[40, :3] - log.object_pose_ref[40, :3]) > 5e-3
+    assert summarize(log)["object_error_max_m"] == pytest.approx(1e-3)
+
+
+def test_the_hand_over_is_when_the_first_hand_leaves() -> None:
+    both, second = np.array([1, 1]), np.array([0, 1])
+    given = {k: {"dynamics": moved(k), "mode": both if k < 40 else second} for k in range(60)}
+    given[40]["dynamics"] = moved(
+        40, object_position=record(40).reference_position + np.array([0.0, 0.0, 3e-3])
+    )
+    facts = summarize(recorded(60, given, LIMITED))
+    assert facts["object_error_handover_m"] == pytest.approx(3e-3)
+    assert facts["object_error_handover_rad"] == pytest.approx(1e-3, rel=1e-6)
+    assert summarize(run())["object_error_handover_m"] is None  # nobody leaves
+
+
+def test_creep_is_measured_where_the_reference_rests() -> None:
+    """It moves on for a second, rests for 1.5 s, of which the last second counts, and moves on."""
+
+    def tick(k: int) -> dict[str, object]:
+        rest = np.clip(k, 100, 250)
+        position = np.array([1e-2 * (k - rest), 0.0, 0.0])
+        crept = 1e-5 * (k - 150) * 0.01 if k >= 150 else 2e-3
+        off = np.array([0.0, crept, 0.0, 0.0, 0.0, 2e-4 * 0.01 * k])
+        return put(k, position, np.zeros(3), off)
+
+    facts = summarize(recorded(300, {k: tick(k) for k in range(300)}, LIMITED))
+    assert facts["creep_m_per_s"] == pytest.approx(1e-5, rel=1e-6)
+    assert facts["creep_rad_per_s"] == pytest.approx(2e-4, rel=1e-6)
+    assert summarize(run())["creep_m_per_s"] is None  # it never rests
+
+
+DONE = Outcome((), True)
+
+
+@pytest.mark.parametrize(
+    ("changes", "outcome", "expected"),
+    [
+        ({}, DONE, (None, None, None)),
+        ({5: {"status": Status.BAD_MEASUREMENT}, 7: {"min_distance": -1e-3}}, DONE,
+         ("bad_measurement", 0.05, "reach")),
+        ({5: {"q": np.array([3.0, 0.0, 0.0])}, 7: {"min_distance": -1e-3}}, DONE,
+         ("limits", 0.05, "reach")),
+        ({5: {"status": Status.BAD_COMMAND}, 3: {"min_distance": 0.0}}, DONE,
+         ("collision", 0.03, "reach")),
+        ({50: {"status": Status.PHASE_TIMEOUT}}, Outcome((), True, ("reach",)),
+         ("phase_timeout", 0.49, "reach")),
+        ({}, Outcome((), False), ("not_finished", 0.59, "slide")),
+        ({}, Outcome((), False, interrupted=True), ("interrupted", 0.59, "slide")),
+        ({55: {"dynamics": moved(55, object_position=np.full(3, 1.0))}}, DONE,
+         ("dropped", 0.55, "slide")),
+        ({55: {"dynamics": moved(55, q=np.full(3, np.nan))},
+          56: {"dynamics": moved(56, object_position=np.full(3, np.nan))}}, DONE,
+         ("diverged", 0.55, "slide")),
+        ({k: {"dynamics": moved(k, force=np.zeros((2, 3)))} for k in range(10, 40)}, DONE,
+         (None, None, None)),
+        ({**{k: {"dynamics": moved(k, force=np.zeros((2, 3)))} for k in range(10, 40)},
+          45: {"dynamics": moved(45, object_position=np.full(3, 1.0))}}, DONE,
+         ("contact_lost", 0.3, "reach")),
+        ({**{k: {"dynamics": moved(k, force=np.zeros((2, 3)))} for k in range(26, 46)},
+          45: {"dynamics": moved(45, object_position=np.full(3, 1.0))}}, DONE,
+         ("dropped", 0.45, "reach")),
+    ],
+)  # fmt: skip
+def test_what_failed_first_has_a_name_and_a_time(
+    changes: dict[int, dict[str, object]],
+    outcome: Outcome,
+    expected: tuple[str | None, float | None, str | None],
+) -> None:
+    given = {k: {"dynamics": moved(k), "mode": np.array([1, 0])} for k in range(60)}
+    log = recorded(60, {k: {**given[k], **changes.get(k, {})} for k in given}, LIMITED)
+    facts = summarize(log, outcome)
+    what, t, where = expected
+    assert facts["success"] is (what is None)
+    assert (facts["failure"], facts["failure_phase"]) == (what, where)
+    assert facts["failure_t"] == (None if t is None else pytest.approx(t))
+
+
+def test_a_run_without_a_tick_failed_of_that() -> None:
+    facts = summarize(recorded(0))
+    assert (facts["failure"], facts["failure_t"], facts["failure_phase"]) == ("no_tick", None, None)
+
+
+def test_forces_that_could_not_be_planned_are_what_failed() -> None:
+    facts = summarize(with_forces(), DONE)
+    assert (facts["failure"], facts["failure_t"]) == ("no_forces", pytest.approx(0.9))
 
 
 def test_a_run_under_torques_has_a_picture_of_them(tmp_path: Path) -> None:

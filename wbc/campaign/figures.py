@@ -20,6 +20,9 @@ _NUMBER: Final = re.compile(r"(?<![\w'.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w'
 _MEASURES: Final = (
     ("object, error [mm]", ("object_error_max_m",), 1e3),
     ("object, turned by [mrad]", ("object_error_max_rad",), 1e3),
+    ("object at the hand-over, error [mm]", ("object_error_handover_m",), 1e3),
+    ("object at the hand-over, turned by [mrad]", ("object_error_handover_rad",), 1e3),
+    ("object at rest, creep [mm/s]", ("creep_m_per_s",), 1e3),
     ("object by the fingers, error [mm]", ("object_error", "settled", "position"), 1e3),
     ("object by the fingers, turned by [mrad]", ("object_error", "settled", "orientation"), 1e3),
     ("slip [mm]", ("slip_max_m",), 1e3),
@@ -103,15 +106,11 @@ def figures(lines: Iterable[str]) -> Figures:
         numbers=tuple(t["trial"] for t in trials),
         seeds=tuple(t["seed"] for t in trials),
         success=success,
-        reasons=tuple(
-            "" if t["summary"]["success"]
-            else t["summary"].get("failure") or t["summary"]["reason"]
-            for t in trials
-        ),
+        reasons=tuple(_reason(t["summary"]) for t in trials),
         measures={name: v for name, v in measures.items() if not np.isnan(v).all()},
         drawn=drawn,
         comparisons=_compared(drawn, success),
-    )  # fmt: skip
+    )
 
 
 def wilson(successes: int, trials: int) -> Interval:
@@ -135,6 +134,15 @@ def kind(reason: str) -> str:
         first = first.partition(": ")[0]
     text = _NUMBER.sub("#", first)
     return text if len(text) <= 120 else text[:117] + "..."
+
+
+def _reason(summary: Mapping[str, Any]) -> str:
+    """Why a trial failed, what failed first in front; empty for a success."""
+    why = "" if summary["success"] else str(summary["reason"])
+    first, phase = summary.get("failure"), summary.get("failure_phase")
+    if not why or first is None:
+        return why
+    return f"{first} in phase '{phase}': {why}" if phase else f"{first}: {why}"
 
 
 def _at(summary: Mapping[str, Any], path: tuple[str, ...], times: float) -> float:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 import numpy as np
+import pinocchio as pin
 
 from wbc.arrays import Array, BoolArray
 from wbc.control.force_control import TorqueStatus
 from wbc.recording.log import Log
+from wbc.rotations import log_so3
 
 DROP: Final = (0.05, 0.6)
 """An object further from its reference than this, [m] and [rad], has been dropped."""
@@ -16,10 +19,18 @@ DROP: Final = (0.05, 0.6)
 _PRESSING = 0.1
 """Planned normal force from which on a finger is to touch, [N]: below, a touch only begins."""
 
+_REST = (0.5, 1.0)
+"""Shortest rest in which creep is measured, and how much of its end is looked at, [s]."""
+
 
 def object_error_true(log: Log) -> tuple[Array, Array]:
-    """(T,) distance [m] and angle [rad] of the true object from its reference."""
-    true, wanted = log.object_pose_true, log.object_pose_ref
+    """(T,) distance [m] and angle [rad] of the true object from where it should be.
+
+    Where it should be is its reference, displaced by D(0) = T_ref(0)⁻¹ T_true(0): nobody sees the
+    object, and what its place was believed wrongly by at the start is carried along, in its axes.
+    """
+    true = log.object_pose_true
+    wanted = _displaced(log.object_pose_ref, true)
     way = np.linalg.norm(true[:, :3] - wanted[:, :3], axis=1)
     cosine = np.abs(np.sum(true[:, 3:] * wanted[:, 3:], axis=1))
     chord = np.minimum(
@@ -28,6 +39,30 @@ def object_error_true(log: Log) -> tuple[Array, Array]:
     )  # the arc cosine has no digits left near 1
     small: Array = 4.0 * np.arcsin(np.clip(0.5 * chord, 0.0, 1.0))
     return way, np.where(cosine > 0.5, small, 2.0 * np.arccos(np.clip(cosine, 0.0, 1.0)))
+
+
+def _displaced(reference: Array, true: Array) -> Array:
+    """(T, 7) the reference, displaced in its own axes by what the true pose is off at the start."""
+    if not len(reference) or np.array_equal(reference[0], true[0]):
+        return reference
+    where, turn = reference[:, :3], reference[:, 3:]
+    back = turn[0] * (-1.0, -1.0, -1.0, 1.0)
+    shift = _turned(back, true[0, :3] - where[0])
+    return np.hstack((where + _turned(turn, shift), _product(turn, _product(back, true[0, 3:]))))
+
+
+def _product(a: Array, b: Array) -> Array:
+    """(..., 4) product of two rotations, x y z w."""
+    u, v, r, s = a[..., :3], b[..., :3], a[..., 3:], b[..., 3:]
+    along = np.sum(u * v, axis=-1, keepdims=True)
+    return np.concatenate((r * v + s * u + np.cross(u, v), r * s - along), axis=-1)
+
+
+def _turned(a: Array, x: Array) -> Array:
+    """(..., 3) vectors x turned by the rotations a (..., 4)."""
+    across = 2.0 * np.cross(a[..., :3], x)
+    out: Array = x + a[..., 3:] * across + np.cross(a[..., :3], across)
+    return out
 
 
 def normal_forces(log: Log) -> tuple[Array, Array]:
@@ -45,6 +80,47 @@ def dropped(log: Log) -> float | None:
     return float(log.t[lost[0]]) if len(lost) else None
 
 
+def fingers_off(log: Log) -> BoolArray:
+    """(T, N) fingers that are to press and do not."""
+    planned, measured = normal_forces(log)
+    off: BoolArray = (planned >= _PRESSING) & ~(measured > 0.0)
+    return off
+
+
+def hand_over(log: Log) -> int | None:
+    """The first tick in which fingers that held are free and others hold; None without one.
+
+    Until then both hands hold the object, and from then on what the second one has made of it.
+    """
+    held = log.in_contact
+    leaves = (held[:-1] & ~held[1:]).any(axis=1) & held[1:].any(axis=1)
+    return int(np.argmax(leaves)) + 1 if leaves.any() else None
+
+
+def creep(log: Log) -> tuple[float, float] | None:
+    """How fast the true object creeps where it should rest, [m/s], [rad/s]; None without a rest.
+
+    It is the slope of the straight lines that fit its position and its rotation vector best, over
+    the end of the run's last rest of the reference: its last second at most.
+    """
+    still = np.all(np.diff(log.object_pose_ref, axis=0) == 0.0, axis=1)
+    moves = np.flatnonzero(~still)
+    ends = np.append(moves, len(still)) if len(still) else np.zeros(0, dtype=np.int64)
+    begins = np.concatenate(([0], moves + 1))[: len(ends)]
+    long = np.flatnonzero(ends - begins >= _REST[0] / log.meta.dt - 1e-9)
+    if not len(long):
+        return None
+    end = int(ends[long[-1]])
+    begin = max(int(begins[long[-1]]), end - round(_REST[1] / log.meta.dt))
+    rest = log.object_pose_true[begin : end + 1]
+    if not np.isfinite(rest).all():
+        return None
+    turns = [pin.Quaternion(pose[3:]).normalized().toRotationMatrix() for pose in rest]
+    vectors = np.array([log_so3(turn @ turns[0].T) for turn in turns])
+    slope = np.polyfit(log.t[begin : end + 1], np.hstack((rest[:, :3], vectors)), 1)[0]
+    return float(np.linalg.norm(slope[:3])), float(np.linalg.norm(slope[3:]))
+
+
 def dynamic_facts(log: Log, settled: float) -> dict[str, Any]:
     """The summary's entries of a run under torques.
 
@@ -52,9 +128,8 @@ def dynamic_facts(log: Log, settled: float) -> dict[str, Any]:
         settled: time after which errors are judged, [s].
     """
     way, angle = object_error_true(log)
-    late = log.t > settled
+    late, handed, crept = log.t > settled, hand_over(log), creep(log)
     planned, measured = normal_forces(log)
-    off = (planned >= _PRESSING) & ~(measured > 0.0)
     error = np.abs(np.where(log.in_contact, measured - planned, 0.0))[late]
     limits = np.maximum(np.abs(np.array(log.meta.tau_min)), np.abs(np.array(log.meta.tau_max)))
     ratio = np.abs(log.tau) / limits if len(limits) else np.full(log.tau.shape, np.nan)
@@ -62,7 +137,11 @@ def dynamic_facts(log: Log, settled: float) -> dict[str, Any]:
         "dropped": dropped(log) is not None,
         "object_error_max_m": way[late].max(initial=0.0),
         "object_error_max_rad": angle[late].max(initial=0.0),
-        "contact_lost_s": log.meta.dt * _longest(off),
+        "object_error_handover_m": math.nan if handed is None else way[handed],
+        "object_error_handover_rad": math.nan if handed is None else angle[handed],
+        "creep_m_per_s": math.nan if crept is None else crept[0],
+        "creep_rad_per_s": math.nan if crept is None else crept[1],
+        "contact_lost_s": log.meta.dt * _longest(fingers_off(log)),
         "force_error_max_n": dict(
             zip(log.contact_names, error.max(axis=0, initial=0.0), strict=True)
         ),

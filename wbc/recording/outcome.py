@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,15 +57,32 @@ class Outcome:
         return cls((), done, names, not log.complete)
 
 
-def violations(log: Log) -> list[str]:
-    """Hard limits that were not kept, one sentence each: joints, collision, commands."""
-    found = []
-    meta, dt = log.meta, log.meta.dt
+def _excesses(log: Log) -> Iterator[tuple[str, str, Array]]:
+    """What is limited, its unit's end, and (T, n) how far each joint is beyond its limit."""
+    meta = log.meta
     if log.ticks and meta.q_lower and meta.q_upper:
         lower, upper = np.array(meta.q_lower), np.array(meta.q_upper)
-        found += _worst(log, np.maximum(log.q - upper, lower - log.q), "position", "")
+        yield "position", "", _known(np.maximum(log.q - upper, lower - log.q))
     if log.ticks and meta.v_limit:
-        found += _worst(log, np.abs(log.v) - np.array(meta.v_limit), "velocity", "/s")
+        yield "velocity", "/s", _known(np.abs(log.v) - np.array(meta.v_limit))
+
+
+def _known(excess: Array) -> Array:
+    return np.where(np.isnan(excess), np.inf, excess)
+
+
+def beyond_limits(log: Log) -> BoolArray:
+    """(T,) whether a joint is beyond its position or velocity limit."""
+    beyond = np.zeros(log.ticks, dtype=np.bool_)
+    for _, _, excess in _excesses(log):
+        beyond |= (excess > _TOLERANCE).any(axis=1)
+    return beyond
+
+
+def violations(log: Log) -> list[str]:
+    """Hard limits that were not kept, one sentence each: joints, collision, commands."""
+    dt = log.meta.dt
+    found = [text for kind in _excesses(log) for text in _worst(log, *kind)]
     touching = np.flatnonzero(log.min_distance <= 0.0)
     if len(touching):
         k = int(touching[np.argmin(log.min_distance[touching])])
@@ -81,9 +99,8 @@ def violations(log: Log) -> list[str]:
     return found
 
 
-def _worst(log: Log, excess: Array, what: str, per: str) -> list[str]:
+def _worst(log: Log, what: str, per: str, excess: Array) -> list[str]:
     """The largest excess (T, n) over a limit, unless it is rounding."""
-    excess = np.where(np.isnan(excess), np.inf, excess)
     k, j = np.unravel_index(int(np.argmax(excess)), excess.shape)
     if excess[k, j] <= _TOLERANCE:
         return []

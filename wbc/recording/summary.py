@@ -15,6 +15,7 @@ from wbc.control.state import Status
 from wbc.files import write_whole
 from wbc.forces import ForceStatus
 from wbc.recording.dynamic_facts import dynamic_facts
+from wbc.recording.failure import first_failure
 from wbc.recording.log import Log
 from wbc.recording.outcome import Outcome, reason, unplanned, violations
 
@@ -33,7 +34,7 @@ def summarize(log: Log, outcome: Outcome | None = None) -> dict[str, Any]:
         outcome: how the run ended; by default as far as the log tells.
     """
     outcome = Outcome.from_log(log) if outcome is None else outcome
-    meta, why = log.meta, reason(log, outcome)
+    meta, why, failed = log.meta, reason(log, outcome), first_failure(log, outcome)
     facts = {
         "scenario": meta.scenario,
         "scenario_sha256": meta.scenario_hash,
@@ -42,6 +43,9 @@ def summarize(log: Log, outcome: Outcome | None = None) -> dict[str, Any]:
         "versions": dict(sorted(meta.versions.items())),
         "success": not why,
         "reason": why,
+        "failure": failed and failed.what,
+        "failure_t": failed and failed.t,
+        "failure_phase": failed and failed.phase,
         "complete": log.complete,
         "interrupted": outcome.interrupted,
         "dt": meta.dt,
