@@ -107,7 +107,7 @@ class Controller:
         sight = self.law.sight()
         forces, held = None, None
         if self.planner is not None:  # before the tick's further stages move the kinematics on
-            forces, held = self.planner.plan(self.law.kin, t, state.phase, state.v, state.forces)
+            forces, held = self.planner.plan(self.law.kin, t, state, measurement)
         stack, event, target = self._supervised(t, state, motion)  # who is in the stack
         gains_next = gains.advance(state.activation, target, self.settings.smoothing, dt)
         shares = (1.0, 1.0)

@@ -16,10 +16,11 @@ from wbc.arrays import Array, BoolArray, IntArray
 from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.contact.grasp import ContactMode
 from wbc.control.hand_statics import Touches, loads, statics, touches
-from wbc.control.payload import Payload, wrench_to_supply
+from wbc.control.load_estimate import LoadEstimate, LoadState
+from wbc.control.payload import Body, Payload, wrench_to_supply
 from wbc.control.phases import Phase
 from wbc.control.references import minimum_jerk, object_acceleration
-from wbc.control.state import ForceRecord, ForceState, PhaseState
+from wbc.control.state import ControllerState, ForceRecord, ForceState, Measurement, PhaseState
 from wbc.forces import POINT, SOFT_FINGER, ForceStatus, GraspForceProblem
 from wbc.forces.solver import ForceSolver, ForceStep
 from wbc.robot.dynamics import InverseDynamics
@@ -45,6 +46,7 @@ class ForceSettings:
             a plan not to be `LOW_MARGIN`.
         method: "newton", or "exact" for the least forces to the very limits.
         ramp: [s] for the forces to pass from one set of contacts to the next.
+        estimate: of what is carried, from measured forces; None: it is as believed.
     """
 
     soft: bool
@@ -59,6 +61,7 @@ class ForceSettings:
     margin: float
     method: Literal["newton", "exact"]
     ramp: float
+    estimate: LoadEstimate | None = None
 
 
 class Passage(NamedTuple):
@@ -223,8 +226,8 @@ class ForcePlanner:
         ]
 
     def plan(
-        self, kin: ExtendedKinematics, t: float, phase: PhaseState, v: Array,
-        last: ForceState | None,
+        self, kin: ExtendedKinematics, t: float, state: ControllerState,
+        measurement: Measurement | None = None,
     ) -> tuple[ForceRecord, ForceState]:  # fmt: skip
         """The forces at t, where `kin` has been updated. Never raises on numbers, never NaN.
 
@@ -232,19 +235,21 @@ class ForcePlanner:
         balance, nor be inside all limits, where the hand is now, and the margins say by how much.
 
         Args:
-            v: (nv,) velocity commanded up to t.
-            last: from the tick before; None in the first.
+            state: with the velocity commanded up to t, and the plan of the tick before.
+            measurement: of which the forces at the tips count; whatever is not one is none.
         """
+        phase, v, last = state.phase, state.v, state.forces
         if last is None:
             last = ForceState(v, np.zeros((kin.grasp.count, 4)), (None,) * len(self._holds))
         mode, gravity = kin.state.mode, self._dynamics.gravity
-        body = self.payload.body(kin.object_rotation, gravity, self._water(t, phase))
+        touch = touches(kin)
+        found = getattr(measurement, "force", None)
+        body, load = self._carried(kin, t, phase, touch, last.load, found)
         wrench, com = wrench_to_supply(
             body, kin.object_rotation, kin.reference.twist, object_acceleration(t, phase.motion),
             gravity,
         )  # fmt: skip
         tau_e = self._dynamics.torques(kin.robot.q, v, (v - last.v) / self._dt)
-        touch = touches(kin)
         weights = self._passages[phase.current].weights(
             t - phase.since, phase.motion.duration, self.settings.ramp
         )
@@ -262,7 +267,7 @@ class ForcePlanner:
         )  # fmt: skip
         if plan.status is ForceStatus.INVALID_INPUT:
             record = _finite(record, held)
-        return record, ForceState(v, c, plan.starts)
+        return record, ForceState(v, c, plan.starts, load)
 
     def at_rest(
         self, kin: ExtendedKinematics, t: float, phase: PhaseState
@@ -306,6 +311,26 @@ class ForcePlanner:
         tau_e = self._dynamics.torques(robot.q, v, a)
         g, j, own_tau_e, h_e = hold.at(robot, touch, tau_e, wrench)
         return hold.problem.with_(G=g, J=j, tau_e=own_tau_e, h_e=h_e)
+
+    def _carried(
+        self, kin: ExtendedKinematics, t: float, phase: PhaseState, touch: Touches,
+        load: LoadState | None, found: Array | None,
+    ) -> tuple[Body, LoadState | None]:  # fmt: skip
+        """The object with its contents as it is believed, or as measured forces say, and the
+        estimate's state: it stands still while contacts join or leave, for the points of those are
+        not yet, or no longer, where they are believed."""
+        rotation, gravity = kin.object_rotation, self._dynamics.gravity
+        believed = self.payload.body(rotation, gravity, self._water(t, phase))
+        estimate = self.settings.estimate
+        if estimate is None:
+            return believed, None
+        load = estimate.init() if load is None else load
+        if phase.current >= estimate.phase and self._passages[phase.current].ramps == 0:
+            load = estimate.updated(
+                load, believed, found, touch.arm, rotation, kin.reference.twist,
+                object_acceleration(t, phase.motion), gravity, self._dt,
+            )  # fmt: skip
+        return estimate.body(believed, load), load
 
     def _water(self, t: float, phase: PhaseState) -> float:
         """What is left in the object, [kg]."""

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from wbc.arrays import Array, BoolArray, IntArray
 from wbc.contact.grasp import ContactState
+from wbc.control.load_estimate import LoadState
 from wbc.control.references import Motion
 from wbc.stack.activation import Activation
 from wbc.stack.limits import Limited
@@ -76,11 +77,13 @@ class ForceState(NamedTuple):
         v: (nv,) velocity commanded up to its last tick, for the acceleration.
         c: (N, 4) last feasible forces in the contact frames, x, y, z (inward) [N] and t [Nm].
         starts: by set of contacts, its last feasible forces; None where it begins cold.
+        load: how the object differs from the one believed; None where that is not estimated.
     """
 
     v: Array
     c: Array
     starts: tuple[Array | None, ...]
+    load: LoadState | None = None
 
 
 class ControllerState(NamedTuple):

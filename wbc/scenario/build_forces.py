@@ -11,10 +11,11 @@ import numpy as np
 from wbc.arrays import Array
 from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.control.force_planner import ForcePlanner, ForceSettings
+from wbc.control.load_estimate import LoadEstimate
 from wbc.control.payload import Payload, Water
 from wbc.control.phases import PhaseSequence
 from wbc.robot.model import RobotModel
-from wbc.scenario.force_blocks import Contents
+from wbc.scenario.force_blocks import Contents, Estimate
 from wbc.scenario.kinds import CylinderSpec
 from wbc.scenario.schema import Object, Scenario
 
@@ -41,10 +42,23 @@ def build_planner(
         margin=forces.margin,
         method=forces.method,
         ramp=forces.ramp,
+        estimate=_estimate(forces.estimate, scenario),
     )
     return ForcePlanner(
         kin, build_payload(thing, scenario), settings, phases.phases, scenario.simulation.step
     )
+
+
+def _estimate(given: Estimate | None, scenario: Scenario) -> LoadEstimate | None:
+    """The estimate of what is carried; None where there is to be none."""
+    if given is None:
+        return None
+    names = [phase.name for phase in scenario.phases]
+    if given.phase is not None:
+        first = names.index(given.phase)
+    else:
+        first = 1 + next(k for k, phase in enumerate(scenario.phases) if phase.object is not None)
+    return LoadEstimate(first, given.smoothing, *given.mass, given.com)
 
 
 def value_for(values: Mapping[str, float], name: str, default: float = math.nan) -> float:

@@ -10,6 +10,7 @@ from pydantic import Field
 from wbc.scenario.blocks import Block, Entries, Text, Vector3, one_or_by_name
 from wbc.scenario.units import (
     Density,
+    Distance,
     Inertia,
     Mass,
     PositiveLength,
@@ -56,6 +57,24 @@ class Contents(Block):
 
 
 @final
+class Estimate(Block):
+    """Mass and centre of mass of the object, from the forces measured at the fingertips."""
+
+    phase: Text | None = Field(
+        default=None,
+        description="from which on nothing but fingers bears the object; the one after the first "
+        "that moves it when not given",
+    )
+    smoothing: PositiveTime = Field(default=0.25, description="time constant of the low-pass")
+    mass: Annotated[tuple[PositiveNumber, PositiveNumber], Entries(2)] = Field(
+        default=(0.3, 3.0), description="bounds, as multiples of the object's 'mass'"
+    )
+    com: Distance = Field(
+        default=0.02, description="largest shift of the centre of mass from the object's 'com'"
+    )
+
+
+@final
 class Forces(Block):
     """How hard each contact presses: planned in each tick, with all limits kept."""
 
@@ -89,4 +108,7 @@ class Forces(Block):
         default=0.2,
         description="how long forces take from one set of contacts to the next, in a phase without "
         "'over'",
+    )
+    estimate: Estimate | None = Field(
+        default=None, description="plan for the load that is measured; {} for the defaults"
     )

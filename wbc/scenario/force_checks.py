@@ -11,6 +11,7 @@ from typing import Any
 
 from wbc.scenario.force_blocks import Contents
 from wbc.scenario.relations import si
+from wbc.scenario.units import NUMBER
 from wbc.scenario.wording import Faults, KeyPath, clip, listing, mapping
 
 _SLACK = 1e-9  # of rounding in numbers that a file gives in other units
@@ -89,6 +90,8 @@ def _forces(data: dict[str, Any], forces: dict[str, Any], faults: Faults) -> Non
     if len(listing(mapping(thing.get("pose")).get("position"))) == 2:
         text = "are planned in space: the object lies in the plane"
         faults.add(("forces",), text, on="key")
+    if isinstance(forces.get("estimate"), dict):
+        _estimate(data, forces["estimate"], faults)
     contacts = [name for name in mapping(data.get("contacts")) if isinstance(name, str)]
     soft = forces.get("model") == "soft_finger"
     for key, needed in (("friction", True), ("torsion", soft)):
@@ -100,6 +103,22 @@ def _forces(data: dict[str, Any], forces: dict[str, Any], faults: Faults) -> Non
     if not soft and forces.get("torsion"):
         text = "is only of soft fingers: 'model' is not soft_finger"
         faults.add(("forces", "torsion"), text, on="key")
+
+
+def _estimate(data: dict[str, Any], given: dict[str, Any], faults: Faults) -> None:
+    path: KeyPath = ("forces", "estimate")
+    bounds = [si(raw, NUMBER) for raw in listing(given.get("mass"))]
+    if len(bounds) == 2 and None not in bounds and not (bounds[0] or 0.0) < (bounds[1] or 0.0):
+        faults.add((*path, "mass"), "the lower bound must be below the upper one")
+    phases = [p for p in listing(data.get("phases")) if isinstance(p, dict)]
+    name = given.get("phase")
+    if isinstance(name, str):
+        names = [p["name"] for p in phases if isinstance(p.get("name"), str)]
+        if name not in names:
+            faults.unknown((*path, "phase"), "phase", name, names)
+    elif name is None and not any("object" in p for p in phases):
+        text = "no phase moves the object: say by 'phase' from when on fingers alone bear it"
+        faults.add(path, text, on="key")
 
 
 def by_contact(
