@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from wbc.arrays import Array
 from wbc.control.law import Law
 from wbc.control.phases import PhaseSequence
+from wbc.control.state import Measurement
 from wbc.errors import SetupError
 
 if TYPE_CHECKING:
@@ -76,3 +78,12 @@ def controller(
                     f"phase '{phase.name}': no task {k} has a target of {np.size(goal)} numbers "
                     "that can be led"
                 )
+
+
+def usable(measurement: Measurement, nv: int) -> bool:
+    """Whether a measurement, whatever it is, holds nv finite positions."""
+    try:
+        q = np.asarray(measurement.q, dtype=np.float64)
+    except (AttributeError, TypeError, ValueError):
+        return False
+    return q.shape == (nv,) and math.isfinite(q.sum())

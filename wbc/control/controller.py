@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,6 +18,7 @@ from wbc.control.integrator import runge_kutta
 from wbc.control.law import CostForecast, Law, Locks, Motion, Sight, moved
 from wbc.control.limiting import Guarded, finite, guarded, solved, within_limits
 from wbc.control.observe import Seen, observe
+from wbc.control.pace import paced
 from wbc.control.phases import PhaseSequence
 from wbc.control.references import References, led
 from wbc.control.state import ControllerState, Measurement, PhaseState, Status, TickRecord
@@ -95,10 +95,16 @@ class Controller:
         self._tips = tuple(k for k in range(len(self.task_names)) if k not in self._priority)
 
     def step(
-        self, state: ControllerState, measurement: Measurement | None = None
+        self, state: ControllerState, measurement: Measurement | None = None, pace: float = 1.0
     ) -> tuple[TickRecord, ControllerState]:
-        """One tick. Never raises on numbers: what gave way is in the record's status."""
+        """One tick. Never raises on numbers: what gave way is in the record's status.
+
+        Args:
+            pace: share of their speed with which references, tasks and costs move on, in [0, 1];
+                to change smoothly. The object stays held; at 0 no phase begins.
+        """
         t, dt = state.tick * self.settings.dt, self.settings.dt
+        state = state._replace(phase=paced(state.phase, t, dt, pace))
         state, seen = self._situation(t, state)  # phase, references, kinematics, tasks, costs
         here = guarded(state.q, state.contact, self.law.kin.grasp, self.settings.bounds)
         motion, locks = solved(
@@ -222,6 +228,8 @@ class Controller:
             state = state._replace(contact=other[0], rates=other[1])
         self._evaluate(t, state.q, state.contact, state, self._active(state))
         seen = observe(self.law)
+        if state.phase.motion.pace == 0.0:
+            return state, seen
         change = self.phases.advance(state.phase, t, self.law.kin, seen)
         if not change.entered:
             if change.phase is not state.phase:
@@ -239,7 +247,7 @@ class Controller:
         reference = self._references.at(t, state.phase.motion)
         targets = led(t, state.phase.motion, state.targets)
         targets = targets[: len(self._priority)] + self._tip_targets
-        self.law.evaluate(q, contact, reference, targets, active)
+        self.law.evaluate(q, contact, reference, targets, active, state.phase.motion.pace)
 
     def _active(self, state: ControllerState) -> list[bool]:
         """(M,) tasks to evaluate: the stack's always, for log and return, tips if in force."""
@@ -329,7 +337,7 @@ class Controller:
     ) -> tuple[Array, Status, Limited]:  # fmt: skip
         """The velocity of q̃ that goes out: within the limits, finite, whatever came in."""
         dt, status = self.settings.dt, Status.OK
-        if measurement is not None and not _usable(measurement, len(state.q)):
+        if measurement is not None and not checks.usable(measurement, len(state.q)):
             status |= Status.BAD_MEASUREMENT
         if not finite(motion):
             status |= Status.BAD_COMMAND
@@ -388,12 +396,3 @@ class Controller:
             freedom=sight.freedom,
             event=event,
         )
-
-
-def _usable(measurement: Measurement, nv: int) -> bool:
-    """Whether a measurement, whatever it is, holds nv finite positions."""
-    try:
-        q = np.asarray(measurement.q, dtype=np.float64)
-    except (AttributeError, TypeError, ValueError):
-        return False
-    return q.shape == (nv,) and math.isfinite(q.sum())

@@ -98,7 +98,7 @@ class Law:
         self.gradient_gain = gradient_gain
         nv, n = kin.robot.model.nv, kin.grasp.count
         rows, levels = len(stack.error), len(stack.level_start)
-        self.cost = 0.0
+        self.cost, self._pace = 0.0, 1.0
         self.gradient: Array = np.zeros(nv)
         self.freedom: Array = np.ones(levels)
         self.rank, self.independence = 0, 1.0
@@ -110,11 +110,16 @@ class Law:
 
     def evaluate(
         self, q: Array, contact: ContactState, reference: ObjectReference,
-        targets: Sequence[Array | None], active: Sequence[bool],
+        targets: Sequence[Array | None], active: Sequence[bool], pace: float = 1.0,
     ) -> None:  # fmt: skip
-        """Kinematics, tasks and costs at one configuration."""
+        """Kinematics, tasks and costs at one configuration.
+
+        Args:
+            pace: share of their speed with which costs, and tasks but for the tips, descend.
+        """
         kin = self.kin.update(q, contact, reference)
-        self.stack.evaluate(kin, targets, active)
+        self.stack.evaluate(kin, targets, active, pace)
+        self._pace = pace
         self.gradient.fill(0.0)
         if self.distances is not None:
             self.distances.update(kin.robot, kin.object_position, kin.object_rotation)
@@ -128,19 +133,19 @@ class Law:
         The published law locks no joints.
         """
         if self._printed is not None:
-            descent = self.gradient_gain * self.gradient
+            descent = self._pace * self.gradient_gain * self.gradient
             answer = self._printed.solve(order, activation, descent, self.freedom, locks.edges)
             self.rank, self.independence = answer.rank, answer.independence
             return Motion(answer.main, answer.total)
         kin, stack = self.kin, self.stack
-        jacobian, scale = stack.jacobian, stack.scale
+        jacobian, scale, speed = stack.jacobian, stack.scale, self._pace * self.gradient_gain
         kin.hold(locks.edges)
         if locks.joints is not None:
             jacobian, scale = jacobian * locks.joints, scale * locks.joints
         self.rank, self.independence = solve_weighted(
             kin.rows[: kin.row_count], kin.rhs, jacobian, stack.rhs, stack.row_activation,
             stack.level_start, stack.level_size, stack.exact, order, activation, self.gradient,
-            self.gradient_gain, scale, self._basis, self._taken, self._share, self._main,
+            speed, scale, self._basis, self._taken, self._share, self._main,
             self._rest, self.freedom,
         )  # fmt: skip
         return Motion(*kin.extend(self._main, self._rest))

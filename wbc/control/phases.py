@@ -174,7 +174,10 @@ class PhaseSequence:
                 tips[1, i] = phase.tip_goal(grasp, i, point, normal)
             else:
                 tips[1, i] = tips[0, i]
-        return Motion(t, max(phase.over, 1e-9), position, rotation, turn, reach, tips)
+        motion = Motion(t, max(phase.over, 1e-9), position, rotation, turn, reach, tips)
+        if last is None or last.pace == 1.0:
+            return motion
+        return motion._replace(pace=last.pace, now=t, quickening=last.quickening)
 
     def lead(
         self, state: PhaseState, targets: Targets, last: Motion | None

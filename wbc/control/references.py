@@ -31,6 +31,9 @@ class Aim(NamedTuple):
 class Motion(NamedTuple):
     """One phase's motions: all last `duration`, and but for linear aims start and end at rest.
 
+    While `pace` is not 1 the motion's own time goes on from `now` at that pace, and `start` has
+    been put off by what was lost before (`wbc.control.pace`).
+
     Attributes:
         start: time at which they start, [s].
         duration: [s], positive.
@@ -40,6 +43,9 @@ class Motion(NamedTuple):
         reach: (2, N) l − Δl of the pads from, to, [m].
         tips: (2, N, 3) points for the free tips from, to, in the object frame, [m].
         aims: of the tasks that the phase leads.
+        pace: share of its own speed with which all moves, in [0, 1].
+        now: time at which this pace began, [s]; not used while it is 1.
+        quickening: rate of the pace, [1/s].
     """
 
     start: float
@@ -50,6 +56,13 @@ class Motion(NamedTuple):
     reach: Array
     tips: Array
     aims: tuple[Aim, ...] = ()
+    pace: float = 1.0
+    now: float = 0.0
+    quickening: float = 0.0
+
+    def clock(self, t: float) -> float:
+        """The motion's own time at time t [s]."""
+        return t if self.pace == 1.0 else self.now + self.pace * (t - self.now)
 
 
 @kernel
@@ -107,6 +120,7 @@ def led(t: float, motion: Motion, targets: Targets) -> Targets:
     Args:
         targets: of the state; of a task that is led, its goal, (k,), or (2k,) with a rate.
     """
+    t = motion.clock(t)
     if not motion.aims or _ended(t, motion):
         return targets
     out = list(targets)
@@ -114,13 +128,14 @@ def led(t: float, motion: Motion, targets: Targets) -> Targets:
     for task, way, linear in motion.aims:
         s, ds = (tau, 1.0) if linear else minimum_jerk(tau)
         there = _behind(targets, task, (s - 1.0) * way, 2 * len(way))
-        there[len(way) :] += (ds / motion.duration) * way
+        there[len(way) :] += (motion.pace * ds / motion.duration) * way
         out[task] = there
     return tuple(out)
 
 
 def standing(t: float, motion: Motion, targets: Targets) -> Targets:
     """The targets where `led` has brought them to at time t, in the size they have, at rest."""
+    t = motion.clock(t)
     if not motion.aims or _ended(t, motion):
         return targets
     out = list(targets)
@@ -148,10 +163,16 @@ def _behind(targets: Targets, task: int, offset: Array, size: int = 0) -> Array:
 def object_acceleration(t: float, motion: Motion) -> Array:
     """(6,) rate of the object's reference twist at time t, world axes [m/s², rad/s²].
 
-    The object turns about one axis fixed in the world, so the turning rate has no other part.
+    The object turns about one axis fixed in the world, so the turning rate has no other part. At a
+    pace p it is p² a + ṗ v, with v and a of the motion at its own speed.
     """
-    way = motion.position[1] - motion.position[0]
+    t, way = motion.clock(t), motion.position[1] - motion.position[0]
     acceleration: Array = _acceleration(t, motion.start, motion.duration, way, motion.turn)
+    if motion.pace != 1.0 or motion.quickening != 0.0:
+        acceleration *= motion.pace * motion.pace
+        speed = minimum_jerk((t - motion.start) / motion.duration)[1] / motion.duration
+        acceleration[:3] += motion.quickening * speed * way
+        acceleration[3:] += motion.quickening * speed * motion.turn
     return acceleration
 
 
@@ -168,8 +189,12 @@ class References:
 
     def at(self, t: float, motion: Motion) -> ObjectReference:
         """The object's reference at time t; the tips' targets (N, 6) are in `tips`."""
+        t = motion.clock(t)
         over = t >= motion.start + motion.duration
         if not (over and motion is self._at_rest):
             _evaluate(t, *motion[:7], *self.object, self.tips)
+            if motion.pace != 1.0:
+                for rate in (self.object.twist, self.object.reach_rate, self.tips[:, 3:]):
+                    rate *= motion.pace
             self._at_rest = motion if over else None
         return self.object

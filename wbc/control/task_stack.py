@@ -11,6 +11,7 @@ from wbc.arrays import Array, IntArray
 from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.stack.projection import task_rows
 from wbc.tasks import Task, TaskRows
+from wbc.tasks.tip_position import TipPosition
 
 
 @final
@@ -45,6 +46,8 @@ class TaskStack:
             np.ascontiguousarray(table[:, c]) for c in range(3)
         )
         self.gain = np.array([self.tasks[k].gain for k in self.level_task])
+        led = [isinstance(self.tasks[k], TipPosition) for k in self.level_task]
+        self._led = np.array(led, dtype=np.bool_)  # they only keep up with a reference
         self.saturation = np.array([self.tasks[k].saturation for k in self.level_task])
         self.exact = np.array([self.tasks[k].exact_share for k in self.level_task])
         self.scale: Array = 1.0 / np.sqrt(metric)
@@ -62,17 +65,23 @@ class TaskStack:
         ]
 
     def evaluate(
-        self, kin: ExtendedKinematics, targets: Sequence[Array | None], active: Sequence[bool]
-    ) -> None:
-        """All rows at `kin`. Tasks that are neither in nor fading (`active` false) stay zero."""
+        self, kin: ExtendedKinematics, targets: Sequence[Array | None], active: Sequence[bool],
+        pace: float = 1.0,
+    ) -> None:  # fmt: skip
+        """All rows at `kin`. Tasks that are neither in nor fading (`active` false) stay zero.
+
+        Args:
+            pace: share of its speed with which every task but the tips descends its error.
+        """
         self._written.fill(0.0)
         self.row_activation.fill(1.0)
         for task, slot, target, on in zip(self.tasks, self._slots, targets, active, strict=True):
             if on:
                 task.evaluate(kin, target, slot)
         n = kin.grasp.count
+        gain = self.gain if pace == 1.0 else np.where(self._led, self.gain, pace * self.gain)
         task_rows(
-            self.jacobian_ext, self.error, self.rate, self.gain, self.saturation,
+            self.jacobian_ext, self.error, self.rate, gain, self.saturation,
             self.level_start, self.level_size, kin.xi_jacobian.reshape(2 * n, len(self.scale)),
             kin.xi_drift.reshape(2 * n), self.scale, self.jacobian, self.rhs,
         )  # fmt: skip
