@@ -192,14 +192,15 @@ def _passive_rates(
 
 @kernel
 def _contacts(
-    mode: IntArray, planar: bool, gain: float, charts: Array, pivot: Array, reach: Array,
-    reach_rate: Array, tip: Array, tip_rotation: Array, linear: Array, reference_p: Array,
-    reference_r: Array, twist: Array, frame: Array, normal_xi: Array, spin: Array,
-    position: Array, rotation: Array, estimate_p: Array, estimate_r: Array, error: Array,
-    twist_cmd: Array, rows: Array, rhs: Array, xi_jacobian: Array, xi_drift: Array,
+    mode: IntArray, planar: bool, gain: float, charts: Array, pivot: Array, shift: Array,
+    reach: Array, reach_rate: Array, tip: Array, tip_rotation: Array, linear: Array,
+    reference_p: Array, reference_r: Array, twist: Array, frame: Array, normal_xi: Array,
+    spin: Array, position: Array, rotation: Array, estimate_p: Array, estimate_r: Array,
+    error: Array, twist_cmd: Array, rows: Array, rhs: Array, xi_jacobian: Array, xi_drift: Array,
 ) -> tuple[int, int]:  # fmt: skip
     """All of the contacts in one call: frames, object poses, rows. Returns fingers and rows."""
     gauss_frames(charts, frame, normal_xi, spin)
+    charts[:, 0] += shift
     estimate_p[:] = reference_p
     estimate_r[:] = reference_r
     arm = np.zeros(tip.shape)
@@ -239,7 +240,7 @@ class ExtendedKinematics:
         state: the contact variables it was computed from.
         start: where the object is put before the first tick; set once, when the scene is built.
         reference: where the object should be.
-        charts: (N, 6, 3) c, c_u, c_v, c_uu, c_uv, c_vv in the object frame.
+        charts: (N, 6, 3) c, c_u, c_v, c_uu, c_uv, c_vv in the object frame, c with the shift.
         frame: (N, 3, 3) Gauss frames R_OC, columns x, y and the outward normal.
         normal_xi: (N, 3, 2) ∂n̂/∂ξ in the object frame.
         spin: (N, 3, 2) angular velocity of C in O per ξ̇, in C's axes.
@@ -290,8 +291,8 @@ class ExtendedKinematics:
         self.robot.update(q)
         self.grasp.surface.evaluate(state.xi, state.face, self.charts)
         self.holding, self._contact_rows = _contacts(
-            state.mode, self.grasp.planar, self.gain, self.charts, state.pivot, reference.reach,
-            reference.reach_rate, self._tip, self._tip_rotation, self._linear,
+            state.mode, self.grasp.planar, self.gain, self.charts, state.pivot, state.shift,
+            reference.reach, reference.reach_rate, self._tip, self._tip_rotation, self._linear,
             reference.position, reference.rotation, reference.twist, self.frame, self.normal_xi,
             self.spin, self.position, self.rotation, self.object_position, self.object_rotation,
             self.error, self.twist_cmd, self.rows, self.rhs, self.xi_jacobian, self.xi_drift,

@@ -82,18 +82,22 @@ class ContactState(NamedTuple):
         xi: (N, 2) chart coordinates ξ.
         pivot: (N, 3, 3) R_FC, the ball-and-socket angles θ as a rotation: no singular attitude.
         face: (N,) the chart that each contact is in now.
+        shift: (N, 3) where each finger found the surface beside where it is believed, object frame
+            [m]; its contact point is c(ξ) + shift.
     """
 
     mode: IntArray
     xi: Array
     pivot: Array
     face: IntArray
+    shift: Array
 
     @classmethod
     def planned(cls, grasp: Grasp, mode: IntArray) -> ContactState:
         """The planned contact points, touched as `mode` (N,) says; pivots not known yet."""
         pivot = np.tile(np.eye(3), (grasp.count, 1, 1))
-        return cls(mode, np.array(grasp.at), pivot, np.array(grasp.face))
+        shift = np.zeros((grasp.count, 3))
+        return cls(mode, np.array(grasp.at), pivot, np.array(grasp.face), shift)
 
 
 class ObjectReference(NamedTuple):

@@ -23,6 +23,7 @@ from wbc.control.phases import PhaseSequence
 from wbc.control.references import References, led
 from wbc.control.state import ControllerState, Measurement, PhaseState, Status, TickRecord
 from wbc.control.supervision import TickForecast
+from wbc.control.touch import TouchSense
 from wbc.errors import SetupError, UnknownNameError
 from wbc.stack import activation as gains
 from wbc.stack.limits import NOT_LIMITED, Bounds, Limited
@@ -67,6 +68,7 @@ class Controller:
     Attributes:
         task_names: the tasks in the order of every (M,) array: the stack's, then the fingers' tips.
         planner: of the contact forces; None: none are planned.
+        touch: the fingertips as sensors; None: no phase asks what they feel.
     """
 
     def __init__(
@@ -78,6 +80,7 @@ class Controller:
         priority: Sequence[int],
         settings: Settings,
         planner: ForcePlanner | None = None,
+        touch: TouchSense | None = None,
     ) -> None:
         checks.controller(law, phases, priority, settings)
         self.law = law
@@ -85,6 +88,7 @@ class Controller:
         self.phases = phases
         self.settings = settings
         self.planner = planner
+        self.touch = touch
         self.task_names = tuple(task.name for task in law.stack.tasks)
         self._costs = forecast
         self._forecast = TickForecast(law, forecast, settings.dt, supervisor.horizon)
@@ -105,7 +109,7 @@ class Controller:
         """
         t, dt = state.tick * self.settings.dt, self.settings.dt
         state = state._replace(phase=paced(state.phase, t, dt, pace))
-        state, seen = self._situation(t, state)  # phase, references, kinematics, tasks, costs
+        state, seen = self._situation(t, state, measurement)  # phase, tasks, costs
         here = guarded(state.q, state.contact, self.law.kin.grasp, self.settings.bounds)
         motion, locks = solved(
             self.law, state.level_order, self._levels(state.activation), here, dt
@@ -178,7 +182,9 @@ class Controller:
     def like(self, phases: PhaseSequence, settings: Settings) -> Controller:
         """A controller of the same robot, tasks and costs, in the same workspaces; no planner."""
         supervisor, priority = self.supervisor, self._priority
-        return Controller(self.law, self._costs, supervisor, phases, priority, settings)
+        return Controller(
+            self.law, self._costs, supervisor, phases, priority, settings, touch=self.touch
+        )
 
     def insert(self, state: ControllerState, task: str) -> ControllerState:
         """Ask for a task from the next tick on; it fades in. The next phase asks anew."""
@@ -220,7 +226,9 @@ class Controller:
         mask[self._index(task)] = wanted
         return state._replace(stack=state.stack._replace(wanted=mask))
 
-    def _situation(self, t: float, state: ControllerState) -> tuple[ControllerState, Seen]:
+    def _situation(
+        self, t: float, state: ControllerState, measurement: Measurement | None
+    ) -> tuple[ControllerState, Seen]:
         """Everything at t; where a phase begins at t, evaluated again under it."""
         state = self._reordered(state)
         other = recharted(self.law.kin.grasp.surface, state.contact, state.rates)
@@ -230,7 +238,11 @@ class Controller:
         seen = observe(self.law)
         if state.phase.motion.pace == 0.0:
             return state, seen
-        change = self.phases.advance(state.phase, t, self.law.kin, seen)
+        felt, planned = None, None
+        if self.touch is not None and self.phases.phases[state.phase.current].senses:
+            felt = self.touch.read(self.law.kin, measurement)
+            planned = None if state.forces is None else state.forces.c[:, 2]
+        change = self.phases.advance(state.phase, t, self.law.kin, seen, felt, planned)
         if not change.entered:
             if change.phase is not state.phase:
                 state = state._replace(phase=change.phase)

@@ -13,7 +13,11 @@ from wbc.contact.grasp import ContactMode, ContactState, Grasp, equilibrium_resi
 from wbc.control.observe import Seen
 from wbc.control.references import Aim, Motion, Targets, standing
 from wbc.control.state import PhaseState
+from wbc.control.touch import Felt, found
 from wbc.rotations import log_so3
+
+SURE = 3
+"""Ticks in a row in which something must be felt: a single one may be noise."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,10 @@ class ExitCondition:
         force_closure: ε_f and ε_m both below this; None: not asked.
         closing: fingers that are to hold alone later: they must be in equilibrium by themselves.
         object_error: largest position error of the object by any finger, [m].
+        touch: force [N] at which a reaching finger feels the object and stops; all must; None:
+            they stop at their targets.
+        press: part of its planned force with which every finger that holds must press; None: not
+            asked.
     """
 
     time: float = 0.0
@@ -37,6 +45,8 @@ class ExitCondition:
     force_closure: float | None = None
     closing: tuple[int, ...] = ()
     object_error: float | None = None
+    touch: float | None = None
+    press: float | None = None
 
 
 class ObjectMotion(NamedTuple):
@@ -75,6 +85,7 @@ class Phase:
         mode: (N,) ContactMode of each finger.
         reach: (N,) clearance outside the surface that a free tip goes to, [m]; NaN: it does not.
         offset: (N, 3) how far beside that, in the object's axes, [m].
+        search: how far on from there a tip goes that is to feel the object, [m].
         wanted: (M,) tasks asked for, tips included.
         pad: (N,) l − Δl at the end of the phase, [m].
         object_motion: where the object goes; None: it stays.
@@ -97,6 +108,12 @@ class Phase:
     until: ExitCondition = field(default_factory=ExitCondition)
     timeout: float = np.inf
     on_timeout: str = "stop"
+    search: float = 0.0
+
+    @property
+    def senses(self) -> bool:
+        """Whether it ends by what the fingertips feel."""
+        return self.until.touch is not None or self.until.press is not None
 
     def tip_goal(self, grasp: Grasp, i: int, point: Array, normal: Array) -> Array:
         """Where tip i goes, (3,) [m], object frame; NaN where the phase does not lead it.
@@ -171,7 +188,7 @@ class PhaseSequence:
             if phase.mode[i] != ContactMode.FREE:
                 tips[1, i] = tips[0, i]  # where it touches it stays while its tip task fades
             elif np.isfinite(phase.reach[i]):
-                tips[1, i] = phase.tip_goal(grasp, i, point, normal)
+                tips[1, i] = phase.tip_goal(grasp, i, point, normal) - phase.search * normal
             else:
                 tips[1, i] = tips[0, i]
         motion = Motion(t, max(phase.over, 1e-9), position, rotation, turn, reach, tips)
@@ -198,14 +215,22 @@ class PhaseSequence:
         return state._replace(motion=state.motion._replace(aims=tuple(aims))), tuple(goals)
 
     def advance(
-        self, state: PhaseState, t: float, kin: ExtendedKinematics, seen: Seen
-    ) -> Transition:
-        """Look at the phase at time t, all evaluated there; the result is in force from t."""
+        self, state: PhaseState, t: float, kin: ExtendedKinematics, seen: Seen,
+        felt: Felt | None = None, planned: Array | None = None,
+    ) -> Transition:  # fmt: skip
+        """Look at the phase at time t, all evaluated there; the result is in force from t.
+
+        Args:
+            felt: what the fingertips report, in a phase that `senses`.
+            planned: (N,) normal forces planned up to t [N]; None: none are.
+        """
         if state.done or state.stopped:
             return Transition(state, kin.state, False, False)
         phase = self.phases[state.current]
+        if felt is not None:
+            state = _sensed(phase, state, kin, felt, planned)
         if self._over(phase, state, t, kin, seen):
-            return self._enter_next(state, t, kin)
+            return self._enter_next(state, t, kin, felt)
         if t - state.since >= phase.timeout - 1e-9 and phase.name not in state.timeouts:
             state = state._replace(timeouts=(*state.timeouts, phase.name))
             if phase.on_timeout == "next":
@@ -220,8 +245,14 @@ class PhaseSequence:
         until = phase.until
         if t - state.since < until.time - 1e-9:
             return False
-        if t < state.motion.start + state.motion.duration - 1e-9:
+        if until.touch is not None and not _all_touch(phase, state):
+            return False
+        if t < state.motion.start + state.motion.duration - 1e-9 and not (
+            until.touch is not None and phase.object_motion is None and not phase.task_motions
+        ):
             return False  # a reference cut short would be a velocity step
+        if until.press is not None and state.steady < SURE:
+            return False
         if any(not seen.task_error[k] <= limit for k, limit in until.residuals):
             return False
         if until.force_closure is not None and not self._closed(until, kin, seen):
@@ -233,8 +264,10 @@ class PhaseSequence:
         reaching = np.flatnonzero(np.isfinite(phase.reach))
         for i in reaching:
             tip = (kin.robot.position[i] - kin.object_position) @ kin.object_rotation
-            if until.tip_error is not None and not (
-                np.linalg.norm(state.motion.tips[1, i] - tip) <= until.tip_error
+            if (
+                until.tip_error is not None
+                and until.touch is None
+                and not (np.linalg.norm(state.motion.tips[1, i] - tip) <= until.tip_error)
             ):
                 return False
             if until.distance is not None and not kin.grasp.surface.level(tip) >= until.distance:
@@ -251,15 +284,51 @@ class PhaseSequence:
         )
         return max(alone) <= limit
 
-    def _enter_next(self, state: PhaseState, t: float, kin: ExtendedKinematics) -> Transition:
+    def _enter_next(
+        self, state: PhaseState, t: float, kin: ExtendedKinematics, felt: Felt | None = None
+    ) -> Transition:
         if state.current + 1 >= len(self.phases):
             return Transition(state._replace(done=True), kin.state, False, False)
         index = state.current + 1
-        motion = self.begin(index, t, kin, state.motion)
         mode = self.phases[index].mode
+        if felt is not None and self.phases[state.current].until.touch is not None:
+            touching = np.array(state.felt) >= SURE
+            contact = found(kin.grasp, kin.state, felt.tips, touching & (mode != ContactMode.FREE))
+            kin.update(kin.robot.q, contact, kin.reference)
+        motion = self.begin(index, t, kin, state.motion)
         pivot = np.array(kin.state.pivot)
         for i in np.flatnonzero((kin.state.mode == ContactMode.FREE) & (mode != ContactMode.FREE)):
             pivot[i] = kin.touch(int(i))
         contact = kin.state._replace(mode=mode, pivot=pivot)
-        state = state._replace(current=index, since=t, motion=motion)
+        state = state._replace(current=index, since=t, motion=motion, felt=(), steady=0)
         return Transition(state, contact, True, False)
+
+
+def _sensed(
+    phase: Phase, state: PhaseState, kin: ExtendedKinematics, felt: Felt, planned: Array | None
+) -> PhaseState:
+    """Who touches by now, its reference stopped where it is; how long all have pressed enough."""
+    until, n = phase.until, len(felt.press)
+    if until.press is not None and planned is not None:
+        holds = phase.mode == ContactMode.FIXED
+        up = bool((felt.press >= until.press * planned)[holds].all())
+        state = state._replace(steady=state.steady + 1 if up else 0)
+    if until.touch is None:
+        return state
+    before, motion = state.felt or (0,) * n, state.motion
+    counts, tips = list(before), None
+    for i in np.flatnonzero(np.isfinite(phase.reach)).tolist():
+        if counts[i] >= SURE:
+            continue
+        counts[i] = counts[i] + 1 if felt.press[i] >= until.touch else 0
+        if counts[i] == SURE:
+            tips = np.array(motion.tips) if tips is None else tips
+            tips[:, i] = (kin.robot.position[i] - kin.object_position) @ kin.object_rotation
+    if tips is not None:
+        motion = motion._replace(tips=tips)
+    return state._replace(felt=tuple(counts), motion=motion)
+
+
+def _all_touch(phase: Phase, state: PhaseState) -> bool:
+    reaching = np.flatnonzero(np.isfinite(phase.reach)).tolist()
+    return bool(state.felt) and all(state.felt[i] >= SURE for i in reaching)

@@ -187,8 +187,12 @@ def _coarse(phase: Phase) -> Phase:
     until = phase.until
     if math.isinf(until.time):
         until = ExitCondition(time=phase.over)
+    if until.touch is not None:  # the ideal robot feels the surface where it is believed
+        until = replace(until, tip_error=_POSITION)
     until = replace(
         until,
+        touch=None,
+        press=None,
         residuals=tuple((task, max(limit, _RESIDUAL)) for task, limit in until.residuals),
         tip_error=None if until.tip_error is None else max(until.tip_error, _POSITION),
         object_error=None if until.object_error is None else max(until.object_error, _POSITION),
@@ -197,7 +201,7 @@ def _coarse(phase: Phase) -> Phase:
     patience = phase.timeout
     if math.isinf(patience):
         patience = max(until.time, phase.over) + _ENDLESS
-    return replace(phase, until=until, timeout=patience, on_timeout="stop")
+    return replace(phase, until=until, timeout=patience, on_timeout="stop", search=0.0)
 
 
 def _least(controller: Controller) -> float:

@@ -60,6 +60,9 @@ class PhaseState(NamedTuple):
         done: the last phase has met its exit condition.
         stopped: a timeout ended the sequence; the references are held.
         timeouts: names of the phases that timed out.
+        felt: by finger, ticks in a row in which it has felt what it is to touch; empty before the
+            first. Once it is sure, it stays so for the phase.
+        steady: ticks in a row in which the fingers that hold press as `until.press` asks.
     """
 
     current: int
@@ -68,6 +71,8 @@ class PhaseState(NamedTuple):
     done: bool
     stopped: bool
     timeouts: tuple[str, ...]
+    felt: tuple[int, ...] = ()
+    steady: int = 0
 
 
 class ForceState(NamedTuple):

@@ -79,7 +79,8 @@ class TorqueController:
         """One tick. Never raises on numbers: what gave way is in the record's statuses."""
         blind = 0 if np.isfinite(measurement.q).all() else state.blind + 1
         bridged = 0 < blind <= _BRIDGED  # the second stage holds its torques, the references go on
-        record, first = self.first.step(state.first, None if bridged else measurement)
+        seen = measurement._replace(q=state.first.q) if bridged else measurement
+        record, first = self.first.step(state.first, seen)
         goal = self._goal(record, first, measurement.force)
         command, second = self.second.step(state.second, goal, measurement, self.first.settings.dt)
         tick = LoopTick(_logged(record, command, goal, measurement), command, goal)

@@ -12,10 +12,13 @@ from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.contact.grasp import ContactMode, ContactState, Grasp, no_grasp
 from wbc.contact.surfaces import SURFACES, Surface
 from wbc.control.controller import Controller, Settings
+from wbc.control.force_control import finger_joints
 from wbc.control.law import CostForecast, Law
+from wbc.control.phases import PhaseSequence
 from wbc.control.setup import close_grasp
 from wbc.control.state import ControllerState
 from wbc.control.task_stack import TaskStack
+from wbc.control.touch import TouchSense
 from wbc.errors import ScenarioError, WbcError
 from wbc.robot.distances import Distances
 from wbc.robot.kinematics import Kinematics
@@ -137,12 +140,27 @@ def _assemble(loaded: Loaded, model: RobotModel, hands: Hands) -> Assembly:
         tuple(range(len(secondary))),
         _settings(scenario, model),
         build_planner(scenario, kin, phases),
+        _touch_sense(scenario, kin, phases),
     )
     place_object(kin, scenario, controller)
     first = controller.phases.phases[0]
     contact = ContactState.planned(grasp, first.mode)
     q0 = close_grasp(kin, q_start, contact)
     return Assembly(loaded, model, controller, controller.init(q0), report, main)
+
+
+def _touch_sense(
+    scenario: Scenario, kin: ExtendedKinematics, phases: PhaseSequence
+) -> TouchSense | None:
+    """The fingertips as sensors, where a phase asks what they feel."""
+    if not any(phase.senses for phase in phases.phases):
+        return None
+    model, tips = kin.robot.model, kin.robot.frames[: kin.grasp.count]
+    given = scenario.force_control
+    own = finger_joints(model, tips)
+    if given is not None and given.position_in == "world":
+        own = np.ones(model.nv, dtype=np.bool_)
+    return TouchSense(model, tips, own)
 
 
 def _robot(loaded: Loaded) -> RobotModel:

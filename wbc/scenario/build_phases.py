@@ -80,6 +80,7 @@ def _phase(spec: schema.Phase, grasp: Grasp, tasks: list[str], force: Array) -> 
     wanted = np.array([name in spec.tasks for name in tasks], dtype=np.bool_)
     if count:
         wanted[len(tasks) - count :] = np.isfinite(reach)
+    touch = None if spec.until is None else spec.until.touch
     pressed = np.where(mode != ContactMode.FREE, force / grasp.stiffness, 0.0)
     return Phase(
         name=spec.name,
@@ -93,6 +94,7 @@ def _phase(spec: schema.Phase, grasp: Grasp, tasks: list[str], force: Array) -> 
         until=_until(spec, tasks),
         timeout=math.inf if spec.timeout is None else spec.timeout.after,
         on_timeout="hold" if spec.timeout is None else spec.timeout.then,
+        search=0.0 if touch is None else touch.search,
     )
 
 
@@ -131,4 +133,6 @@ def _until(spec: schema.Phase, tasks: list[str]) -> ExitCondition:
         tip_error=until.tip_error,
         distance=until.distance,
         force_closure=FORCE_CLOSURE if until.force_closure else None,
+        touch=None if until.touch is None else until.touch.force,
+        press=until.press,
     )

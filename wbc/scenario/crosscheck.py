@@ -218,8 +218,9 @@ def _phase(data: dict[str, Any], phase: dict[str, Any], i: int, faults: Faults) 
     if isinstance(data.get("tasks"), dict):
         _asked(data, phase, here, faults)
     until = mapping(phase.get("until"))
-    if "tip_error" in until and not phase.get("reach"):
-        faults.add((*here, "until", "tip_error"), "needs a finger in 'reach'", on="key")
+    for key in ("tip_error", "touch"):
+        if key in until and not phase.get("reach"):
+            faults.add((*here, "until", key), "needs a finger in 'reach'", on="key")
     if "object" in phase and "object" not in data:
         faults.add((*here, "object"), "needs a block 'object'", on="key")
 

@@ -24,7 +24,7 @@ from wbc.scenario.blocks import (
     Vector3,
     Weights,
 )
-from wbc.scenario.disturbance_blocks import Disturbances
+from wbc.scenario.disturbance_blocks import Disturbances, Share
 from wbc.scenario.dynamic_blocks import ForceControl, Physics
 from wbc.scenario.force_blocks import Contents, Forces, Inertia3
 from wbc.scenario.kinds import AnyCost, AnySurface, AnyTask
@@ -34,6 +34,7 @@ from wbc.scenario.units import (
     Force,
     JointValue,
     NonNegative,
+    PositiveForce,
     PositiveLength,
     PositiveMass,
     PositiveNumber,
@@ -170,6 +171,16 @@ class Motion(Block):
 
 
 @final
+class Touch(Block):
+    """Fingers that reach stop where they feel the object."""
+
+    force: PositiveForce = Field(default=0.15, description="at which a finger feels it")
+    search: Distance = Field(
+        default=6e-3, description="how far on a finger goes from where the surface is believed"
+    )
+
+
+@final
 class Until(Block):
     """When a phase is over: when all of these hold."""
 
@@ -183,6 +194,12 @@ class Until(Block):
     )
     force_closure: Flag | None = Field(
         default=None, description="also of the fingers that will hold alone afterwards"
+    )
+    touch: Touch | None = Field(
+        default=None, description="every finger that reaches has felt the object"
+    )
+    press: Share | None = Field(
+        default=None, description="part of its planned force that each holding finger presses with"
     )
 
 
