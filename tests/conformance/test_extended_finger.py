@@ -67,12 +67,12 @@ class Chain:
         return placement.translation.copy(), placement.rotation.copy()
 
     def contact_in_object(self, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """c and the Gauss frame R_OC, from the chart's tangent vectors."""
+        """c with the shift, and the Gauss frame R_OC, from the chart's tangent vectors."""
         c, c_u, c_v = self.world.grasp.surface.charts(xi[None], self.face)[0, :3]
         x = c_u / np.linalg.norm(c_u)
         n = np.cross(c_u, c_v)
         n /= np.linalg.norm(n)
-        return c, np.column_stack([x, np.cross(n, x), n])
+        return c + self.world.state.shift[self.finger], np.column_stack([x, np.cross(n, x), n])
 
     def contact(self, q, xi, pivot, reach):  # type: ignore[no-untyped-def]
         """o_c of (30) and R_c in the world."""
