@@ -19,7 +19,7 @@ from wbc.control.state import Measurement
 from wbc.robot.kinematics import Kinematics
 from wbc.robot.model import RobotModel
 
-_PRIOR, _SENSED = 10e-3, 0.5e-3
+_PRIOR, _SENSED = 5e-3, 1e-3
 """Standard deviations of where the object is believed and of a measured tip [m]."""
 
 _ROUNDS = 5
