@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -44,6 +45,14 @@ def twist(pose: Callable[[float], tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
         return np.concatenate([p, log_so3(r_t @ r.T)])
 
     return central_difference(coordinates)
+
+
+def _world(*args: Any, **kwargs: Any) -> World:
+    """A world whose fingers found the surface beside where it is believed."""
+    world = make_world(*args, **kwargs)
+    n, planar = world.grasp.count, world.grasp.planar
+    shift = 3e-3 * np.random.default_rng(n).normal(size=(n, 3)) * [1.0, 1.0, not planar]
+    return replace(world, state=world.state._replace(shift=shift))
 
 
 class Chain:
@@ -105,7 +114,7 @@ class Chain:
 def test_the_object_pose_of_every_finger_is_the_chain(
     robot_name: str, surface: str, place: str
 ) -> None:
-    world = make_world(robot_name, surface, SLIDING, place)
+    world = _world(robot_name, surface, SLIDING, place)
     kin = world.update()
     for i in range(world.grasp.count):
         chain = Chain(world, i)
@@ -142,7 +151,7 @@ def jacobian_by_differences(world: World) -> np.ndarray:
 def test_extended_jacobian_is_the_derivative_of_the_chain(
     robot_name: str, surface: str, place: str, mode: ContactMode
 ) -> None:
-    world = make_world(robot_name, surface, mode, place)
+    world = _world(robot_name, surface, mode, place)
     j, _ = extended_jacobian(world.update())
     assert np.abs(j - jacobian_by_differences(world)).max() < 1e-8
 
@@ -160,7 +169,7 @@ def test_motion_of_the_contact_frame_seen_from_the_object(
     robot_name: str, surface: str, place: str
 ) -> None:
     """(28): v_c = G_ξᵀ v_o + J_ξ ξ̇."""
-    world = make_world(robot_name, surface, SLIDING, place)
+    world = _world(robot_name, surface, SLIDING, place)
     kin = world.update()
 
     def check(i: int) -> None:
@@ -185,7 +194,7 @@ def test_motion_of_the_contact_frame_seen_from_the_finger(
     robot_name: str, surface: str, place: str
 ) -> None:
     """(29), (31), (32), (33) with all variables moving; and G_Δl of (31) as it is printed."""
-    world = make_world(robot_name, surface, SLIDING, place)
+    world = _world(robot_name, surface, SLIDING, place)
     kin = world.update()
     for i in range(world.grasp.count):
         rng, chain = seeded(robot_name, surface, place, i), Chain(world, i)
@@ -227,7 +236,7 @@ def test_printed_pad_term_is_off_by_twice_the_reach(robot_name: str, surface: st
 
     The residual is 2 (l − Δl) [m/s]: l for a pad that is pressed half way, as here.
     """
-    world = make_world(robot_name, surface, FIXED)
+    world = _world(robot_name, surface, FIXED)
     half = world.reference._replace(reach=0.5 * world.grasp.rest_length)
     world = replace(world, reference=half)
     kin = world.update()
@@ -283,7 +292,7 @@ MIXED = {
 def test_eliminated_rows_are_the_extended_jacobian_with_free_passive_joints(
     robot_name: str, surface: str, modes: tuple[ContactMode, ...], place: str
 ) -> None:
-    world = make_world(robot_name, surface, modes, place)
+    world = _world(robot_name, surface, modes, place)
     kin = world.update()
     r, n = kin.row_count, world.grasp.count
     per = {FREE: 0, FIXED: 2 if world.planar else 3, SLIDING: 1}
@@ -312,7 +321,7 @@ def joined(world: World, v: np.ndarray, xi: np.ndarray, theta: np.ndarray) -> np
 @pytest.mark.parametrize(("robot_name", "surface"), ROBOT_SURFACES)
 def test_null_motions_leave_the_object_at_rest(robot_name: str, surface: str) -> None:
     for modes in MIXED[robot_name]:
-        world = make_world(robot_name, surface, modes)
+        world = _world(robot_name, surface, modes)
         kin = world.update()
         rows, n = kin.rows[: kin.row_count], world.grasp.count
         v = seeded(robot_name, surface, modes).normal(size=world.nv)
@@ -332,8 +341,8 @@ def test_null_motions_leave_the_object_at_rest(robot_name: str, surface: str) ->
 
 @pytest.mark.parametrize(("robot_name", "surface"), ROBOT_SURFACES)
 def test_a_finger_that_touches_sees_the_object_where_it_is(robot_name: str, surface: str) -> None:
-    modes = (FIXED,) + (FREE,) * (len(make_world(robot_name).grasp.fingers) - 1)
-    world = make_world(robot_name, surface, modes)
+    modes = (FIXED,) + (FREE,) * (len(_world(robot_name).grasp.fingers) - 1)
+    world = _world(robot_name, surface, modes)
     kin = world.update()
     assert kin.holding == 1
     pivots = world.state.pivot.copy()
@@ -347,12 +356,12 @@ def test_a_finger_that_touches_sees_the_object_where_it_is(robot_name: str, surf
 
 @pytest.mark.parametrize("robot_name", SETTINGS)
 def test_the_object_estimate_is_the_mean_of_the_fingers_in_contact(robot_name: str) -> None:
-    world = make_world(robot_name, modes=FREE)
+    world = _world(robot_name, modes=FREE)
     kin = world.update()
     assert kin.holding == 0 and kin.row_count == 0
     assert np.array_equal(kin.object_position, world.reference.position)
     assert np.array_equal(kin.object_rotation, world.reference.rotation)
-    world = make_world(robot_name, modes=MIXED[robot_name][0])
+    world = _world(robot_name, modes=MIXED[robot_name][0])
     kin = world.update()
     assert kin.holding == world.grasp.count
     assert_allclose(kin.object_position, kin.position.mean(axis=0), atol=1e-14)
@@ -360,7 +369,7 @@ def test_the_object_estimate_is_the_mean_of_the_fingers_in_contact(robot_name: s
 
 def test_the_object_estimate_when_fingers_nearly_agree() -> None:
     """Fingers that differ by ε average to their mean rotation up to ε²."""
-    world = make_world("hand", modes=FIXED)
+    world = _world("hand", modes=FIXED)
     kin = world.update()
     truth = kin.rotation[0].copy()
     pivots = world.state.pivot.copy()

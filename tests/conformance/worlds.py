@@ -182,7 +182,7 @@ def make_world(
     state = ContactState(
         np.array(modes, dtype=np.int64), grasp.at.copy(),
         np.stack([random_rotation(rng, False) for _ in range(n)]), grasp.face.copy(),
-        0.003 * rng.normal(size=(n, 3)) * np.array([1.0, 1.0, 0.0 if model.planar else 1.0]),
+        np.zeros((n, 3)),
     )  # fmt: skip
     position = rng.normal(size=3) * np.array([0.3, 0.3, 0.0 if model.planar else 0.3])
     reference = ObjectReference(
