@@ -10,7 +10,7 @@ from typing import final
 import numpy as np
 
 from wbc.arrays import Array, BoolArray
-from wbc.contact.grasp import ContactMode, ContactState, ObjectReference
+from wbc.contact.grasp import ContactState, ObjectReference
 from wbc.contact.recharting import recharted
 from wbc.control import checks
 from wbc.control.force_planner import ForcePlanner
@@ -20,6 +20,7 @@ from wbc.control.limiting import Guarded, finite, guarded, solved, within_limits
 from wbc.control.observe import Seen, observe
 from wbc.control.pace import paced
 from wbc.control.phases import PhaseSequence
+from wbc.control.places import handed_over, moving, ready
 from wbc.control.references import References, led
 from wbc.control.state import ControllerState, Measurement, PhaseState, Status, TickRecord
 from wbc.control.supervision import TickForecast
@@ -248,7 +249,9 @@ class Controller:
                 state = state._replace(phase=change.phase)
             return state, seen
         phase, targets = self.phases.lead(change.phase, state.targets, state.phase.motion)
-        state = self._handed_over(state._replace(phase=phase, targets=targets), change.contact)
+        begins = self.phases.phases[phase.current]
+        state = state._replace(phase=phase, targets=targets)
+        state = handed_over(state, change.contact, begins, self._tips)
         self._evaluate(t, state.q, state.contact, state, self._active(state))
         return state, observe(self.law)
 
@@ -267,37 +270,8 @@ class Controller:
         wanted, rho = state.stack.wanted[first:].tolist(), state.activation.rho[first:].tolist()
         return [True] * first + [w or r > 0.0 for w, r in zip(wanted, rho, strict=True)]
 
-    def _handed_over(self, state: ControllerState, contact: ContactState) -> ControllerState:
-        """A new phase: rows pass between the main task and the tips without a step.
-
-        A finger that leaves had its tip held by the contact's rows: its tip task takes over now,
-        starting at rest. A tip that touches and pivots is held by the contact's rows from now on;
-        one that may slide keeps its tip task, which fades.
-        """
-        phase = self.phases.phases[state.phase.current]
-        rho, lag = state.activation.rho.copy(), state.activation.lag.copy()
-        for i, k in enumerate(self._tips):
-            before, now = state.contact.mode[i], contact.mode[i]
-            if before != ContactMode.FREE and now == ContactMode.FREE:
-                rho[k] = lag[k] = float(phase.wanted[k])
-            elif before == ContactMode.FREE and now == ContactMode.FIXED:
-                rho[k] = lag[k] = 0.0
-        stack = state.stack._replace(wanted=phase.wanted.copy())
-        return state._replace(contact=contact, activation=gains.Activation(rho, lag), stack=stack)
-
-    def _moving(self, state: ControllerState) -> BoolArray:
-        """(M,) tasks that must be out before the next order can be taken."""
-        moving = np.zeros(len(self.task_names), dtype=np.bool_)
-        if state.next_order is not None:
-            now = {k: place for place, k in enumerate(state.order)}
-            for a, k in enumerate(state.next_order):
-                for other in state.next_order[a + 1 :]:
-                    if now[k] > now[other]:
-                        moving[k] = moving[other] = True
-        return moving
-
     def _reordered(self, state: ControllerState) -> ControllerState:
-        if state.next_order is None or (state.activation.rho[self._moving(state)] > 1e-4).any():
+        if state.next_order is None or not ready(state, state.activation.rho):
             return state
         return state._replace(
             order=state.next_order,
@@ -308,7 +282,7 @@ class Controller:
     def _targets(self, state: ControllerState, stack: StackState) -> Array:
         target: Array = stack.within.astype(np.float64)
         if state.next_order is not None:
-            target[self._moving(state)] = 0.0
+            target[moving(state, len(target))] = 0.0
         return target
 
     def _levels(self, activation: gains.Activation) -> Array:
