@@ -92,7 +92,8 @@ def test_the_whole_run_is_a_success(name: str) -> None:
     errors = run.series("object_error").reshape(-1, 2)
     position, rotation = np.nanmax(errors, axis=0, initial=0.0)
     print(f"{name}: {position:.1e} m, {rotation:.1e} rad, {run.velocity_steps.max():.3f} rad/s")
-    assert position < 1e-5 and rotation < 1e-4
+    exact = run.assembly.loaded.scenario.simulation.integrator == "rk4"
+    assert position < (1e-5 if exact else 3e-5) and rotation < 1e-4
     if name in NEW:  # the supervisor has nothing to do, the limit filter nothing to take off
         assert not run.events and not run.status & (Status.SCALED | Status.CLIPPED)
     if name == "synergy_reach":  # the published law has corners: its limit rounds them

@@ -70,10 +70,7 @@ def test_the_fixture_lets_go_when_its_phase_begins() -> None:
     ("settings", "said"),
     [
         ({f"{PHYSICS}.fixture": "lfit"}, "did you mean 'lift'"),
-        (
-            {"simulation.engine": "compliant", f"{PHYSICS}.table": "0.4 m"},
-            "is of the engine mujoco only",
-        ),
+        ({f"{PHYSICS}.table": "{size: [1 m, 1 m]}"}, "needs a 'height', 'posts' or both"),
         ({f"{PHYSICS}.control": "continuous"}, "continuous is of the compliant engine"),
     ],
 )

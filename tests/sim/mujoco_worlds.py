@@ -8,17 +8,20 @@ from typing import Any
 
 import numpy as np
 
+from wbc.arrays import Array
 from wbc.contact.surfaces import Surface
 from wbc.contact.surfaces.box import Box
 from wbc.robot.model import RobotModel, load_robot
 from wbc.sim.compliant import FreeBody, Physics
 from wbc.sim.mujoco_model import MujocoModel, MujocoSettings, build_mujoco
+from wbc.sim.mujoco_table import Table
 
 PAD = 5e-3
 TIPS = [f"{side}_{finger}_tip" for side in ("right", "left") for finger in ("thumb", "index")]
 FAR = np.array([9.0, 0.0, 1.0])
 """Where an object is out of everyone's way."""
 BOX = Box((0.1, 0.1, 0.04))
+_STRAIGHT = np.eye(3)
 
 
 def model(
@@ -30,7 +33,7 @@ def model(
     com: Sequence[float] = (0.0, 0.0, 0.0),
     inertia: Sequence[float] = (0.0, 0.0, 0.0),
     torque: np.ndarray | None = None,
-    table: float | None = None,
+    table: Table | None = None,
     **other: Any,
 ) -> MujocoModel:
     """No rotors, no friction in the joints, no torque limits, unless `other` says so."""
@@ -52,6 +55,15 @@ def model(
         Physics(**{**given, **other}),
         MujocoSettings(free if torque is None else torque, table=table),
     )
+
+
+def table_below(
+    position: Sequence[float], top: float | None = None, posts: Sequence[Sequence[float]] = (),
+    rotation: Array = _STRAIGHT,
+) -> Table:  # fmt: skip
+    """A table half a metre wide."""
+    plan = np.array(posts, dtype=np.float64).reshape(-1, 2)
+    return Table(np.array(position), rotation, top, np.array([0.5, 0.5]), plan)
 
 
 def stools(folder: Path, order: Sequence[int] = (0, 1, 2)) -> RobotModel:

@@ -12,7 +12,7 @@ import pytest
 from tests.conformance.robots import robot as suite_robot
 from tests.scenario.own_robots import ROBOTS as EXAMPLES
 from tests.scenario.own_robots import need_example_robots
-from tests.sim.mujoco_worlds import FAR, TIPS, model, stools
+from tests.sim.mujoco_worlds import FAR, TIPS, model, stools, table_below
 from wbc import resources
 from wbc.contact.surfaces import SURFACES, Surface
 from wbc.errors import WbcError
@@ -249,14 +249,15 @@ def test_overrides_reach_the_model(tmp_path: Path) -> None:
     robot = stools(tmp_path)
     made = model(
         robot, ["tip_0", "tip_1"], mass=0.7, com=(0.01, 0.0, -0.02), inertia=(3e-4, 2e-4, 4e-4),
-        friction=np.array([0.3, 0.5]), table=0.1,
+        friction=np.array([0.3, 0.5]), table=table_below(FAR, 0.1),
     )  # fmt: skip
     body = made.object_body
     assert made.model.body_mass[body] == 0.7
     assert made.model.body_ipos[body] == pytest.approx([0.01, 0.0, -0.02])
     assert np.sort(made.model.body_inertia[body]) == pytest.approx([2e-4, 3e-4, 4e-4])
     assert made.model.geom_friction[made.pad_geom, 0] == pytest.approx([0.3, 0.5])
-    assert made.model.geom("table").pos[2] + made.model.geom("table").size[2] == pytest.approx(0.1)
+    top = made.model.geom("table")
+    assert FAR[2] + top.pos[2] + top.size[2] == pytest.approx(0.1)
 
 
 def test_planar_contours_are_refused(tmp_path: Path) -> None:

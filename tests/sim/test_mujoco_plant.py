@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.sim.mujoco_worlds import BOX, FAR, PAD, model, stools
+from tests.sim.mujoco_worlds import BOX, FAR, PAD, model, stools, table_below
 from wbc.contact.grasp import ContactMode
 from wbc.contact.surfaces import SURFACES
 from wbc.errors import WbcError
@@ -50,8 +50,9 @@ def test_forces_on_an_object_at_rest_are_its_weight(kind: str, tmp_path: Path) -
 
 
 def test_an_object_on_the_table_needs_no_fingers(tmp_path: Path) -> None:
-    plant = MujocoPlant(model(stools(tmp_path), TIPS, table=0.5))
-    seen = plant.reset(np.zeros(3), np.zeros(3), np.array([0.3, 0.0, 0.521]), np.eye(3))
+    lying = np.array([0.3, 0.0, 0.521])
+    plant = MujocoPlant(model(stools(tmp_path), TIPS, table=table_below(lying, 0.5)))
+    seen = plant.reset(np.zeros(3), np.zeros(3), lying, np.eye(3))
     seen = _held(plant, seen, 250)
     assert seen.object_position == pytest.approx([0.3, 0.0, 0.52], abs=2e-4)
     assert not seen.force.any()

@@ -13,6 +13,7 @@ from wbc.contact.surfaces import Surface
 from wbc.control.force_control import ForceControl, ForceGains, finger_joints
 from wbc.control.set_points import SetPoints
 from wbc.robot.model import RobotModel
+from wbc.rotations import rotation_from_quaternion
 from wbc.scenario import dynamic_blocks
 from wbc.scenario.build import Assembly
 from wbc.scenario.build_disturbance import build_disturbance
@@ -23,6 +24,7 @@ from wbc.sim.disturbances import Disturbance
 from wbc.sim.dynamic import Dynamics
 from wbc.sim.mujoco_model import MujocoSettings, build_mujoco, rotor_defaults
 from wbc.sim.mujoco_plant import MujocoPlant
+from wbc.sim.mujoco_table import Table
 from wbc.sim.pads import Pads
 from wbc.sim.plant import Plant
 from wbc.sim.trial import Trial, scaled
@@ -59,9 +61,17 @@ def build_dynamics(assembly: Assembly) -> Dynamics | None:
 
 
 def _release(scenario: Scenario) -> int | None:
-    fixture = scenario.simulation.physics.fixture
-    names = [phase.name for phase in scenario.phases]
-    return None if fixture is None else names.index(fixture)
+    """The phase at whose start a fixture lets go.
+
+    The compliant engine has no table: a fixture takes its place until the object is to move.
+    """
+    physics = scenario.simulation.physics
+    if physics.fixture is not None:
+        return [phase.name for phase in scenario.phases].index(physics.fixture)
+    if physics.table is None or scenario.simulation.engine == "mujoco":
+        return None
+    moves = [k for k, phase in enumerate(scenario.phases) if phase.object is not None]
+    return moves[0] if moves else len(scenario.phases)
 
 
 def _plant(
@@ -78,7 +88,7 @@ def _plant(
     )
     if scenario.simulation.engine == "mujoco":
         return _mujoco(scenario, model, grasp.rest_length, tips, surface, body, physics)
-    pads, fixture = true_pads(scenario, grasp), scenario.simulation.physics.fixture is not None
+    pads, fixture = true_pads(scenario, grasp), _release(scenario) is not None
     return CompliantPlant(model, tips, surface, body, pads, physics, fixture=fixture)
 
 
@@ -118,9 +128,22 @@ def _mujoco(
     body: FreeBody, physics: Physics,
 ) -> Plant:  # fmt: skip
     given = scenario.simulation.physics
-    settings = MujocoSettings(_torque_limits(scenario, model), table=given.table)
+    settings = MujocoSettings(_torque_limits(scenario, model), table=_table(scenario))
     made = build_mujoco(model, tips, pads, surface, body, physics, settings)
     return MujocoPlant(made, fixture=given.fixture is not None)
+
+
+def _table(scenario: Scenario) -> Table | None:
+    given, thing = scenario.simulation.physics.table, scenario.object
+    if given is None or thing is None:
+        return None
+    return Table(
+        position=np.array(thing.pose.xyz, dtype=np.float64),
+        rotation=rotation_from_quaternion(np.array(thing.pose.xyzw)),
+        top=given.height,
+        size=np.array(given.size),
+        posts=np.array(given.posts, dtype=np.float64).reshape(-1, 2),
+    )
 
 
 def _gains(

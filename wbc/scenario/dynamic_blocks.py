@@ -7,13 +7,14 @@ from typing import Annotated, Literal, TypeAlias, final
 
 from pydantic import Field
 
-from wbc.scenario.blocks import EVERY, Block, Flag, Text, one_or_by_name
+from wbc.scenario.blocks import EVERY, Block, Entries, Flag, Text, one_or_by_name
 from wbc.scenario.units import (
     Damping,
     Force,
     Inertia,
     Length,
     NonNegative,
+    PositiveLength,
     PositiveTime,
     Quantity,
     RateFromZero,
@@ -45,6 +46,28 @@ TurningDampingBy: TypeAlias = Annotated[
 ]
 
 
+Plan: TypeAlias = Annotated[tuple[Length, Length], Entries(2)]
+
+
+@final
+class Table(Block):
+    """What the object lies on at the start, wherever it truly is.
+
+    The compliant engine has none: there a fixture holds the object until a phase moves it.
+    """
+
+    height: Length | None = Field(default=None, description="of the table top in the world")
+    size: Annotated[tuple[PositiveLength, PositiveLength], Entries(2)] = Field(
+        default=(0.5, 0.5), description="of the top along x and y, the object in its middle"
+    )
+    posts: tuple[Plan, ...] = Field(
+        default=(),
+        description="where round posts touch the object from below, along the world's x and y from "
+        "its position; each is as high as the object's underside there; hands collide with posts "
+        "that stand on a top",
+    )
+
+
 @final
 class Physics(Block):
     """Robot, pads and friction as an engine computes them."""
@@ -74,9 +97,7 @@ class Physics(Block):
         default=None,
         description="phase at whose start what holds the object until then lets go",
     )
-    table: Length | None = Field(
-        default=None, description="height of a table top below the object (mujoco only)"
-    )
+    table: Table | None = Field(default=None, description="what the object lies on at the start")
 
 
 @final

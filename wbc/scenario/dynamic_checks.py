@@ -28,8 +28,9 @@ def check_dynamics(data: dict[str, Any], faults: Faults) -> None:
     if engine == "mujoco" and physics.get("control") == "continuous":
         text = "continuous is of the compliant engine: this one takes a torque at a time"
         faults.add(("simulation", "physics", "control"), text)
-    if engine == "compliant" and physics.get("table") is not None:
-        faults.add(("simulation", "physics", "table"), "is of the engine mujoco only")
+    table = physics.get("table")
+    if isinstance(table, dict) and table.get("height") is None and not listing(table.get("posts")):
+        faults.add(("simulation", "physics", "table"), "needs a 'height', 'posts' or both")
     if isinstance(physics.get("fixture"), str):
         names = [str(mapping(phase).get("name")) for phase in listing(data.get("phases"))]
         if physics["fixture"] not in names:

@@ -21,10 +21,11 @@ from wbc.robot.model import RobotModel
 from wbc.robot.urdf_joint import TURNS
 from wbc.sim.compliant import FreeBody, Physics
 from wbc.sim.mujoco_shapes import add_object, add_shape, mujoco
+from wbc.sim.mujoco_table import TABLE, TABLE_BIT, Table, add_table
 
-OBJECT, FIXTURE, TABLE = "object", "fixture", "table"
+OBJECT, FIXTURE = "object", "fixture"
 """Names of bodies and geoms beside those of the robot."""
-OBJECT_BIT, _TABLE_BIT, _FIRST_HAND = 1, 2, 4
+OBJECT_BIT, _FIRST_HAND = 1, 4
 """What a geom is, as bits; its conaffinity says what it collides with."""
 _MOST_HANDS = 24
 _HARD = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # as near to rigid as MuJoCo takes it
@@ -48,7 +49,7 @@ class MujocoSettings:
         solref, solimp: stiffness and impedance of the pads' contacts, as MuJoCo defines them.
         impratio, noslip: how much stiffer friction is than the normal, and iterations that take the
             rest of its creep away.
-        table: height of a table top below the object, [m]; None for none.
+        table: what the object lies on; None for nothing.
     """
 
     torque: Array
@@ -57,7 +58,7 @@ class MujocoSettings:
     solimp: tuple[float, float, float, float, float] = (0.95, 0.99, 0.001, 0.5, 2.0)
     impratio: float = 100.0
     noslip: int = 3
-    table: float | None = None
+    table: Table | None = None
 
 
 @final
@@ -80,6 +81,7 @@ class MujocoModel:
         sliding_friction: (N,) μ of tips that slide on purpose.
         fixture: index of the weld that holds the object.
         fixture_body: index in mocap_pos of the body that it is welded to.
+        table_body: index in mocap_pos of the table, below 0 where there is none.
     """
 
     robot: RobotModel
@@ -97,6 +99,7 @@ class MujocoModel:
     sliding_friction: Array
     fixture: int
     fixture_body: int
+    table_body: int
 
 
 def rotor_defaults(robot: RobotModel) -> tuple[Array, Array]:
@@ -134,7 +137,8 @@ def build_mujoco(
         body: an inertia of zeros stands for that of a body of even density.
 
     Raises:
-        WbcError: mujoco is not installed; the object is a planar contour; MuJoCo refuses a body.
+        WbcError: mujoco is not installed; the object is a planar contour; a post of the table has
+            nothing to bear; MuJoCo refuses a body.
     """
     mj = mujoco()
     spec = mj.MjSpec()
@@ -150,7 +154,10 @@ def build_mujoco(
     spec.geom(OBJECT).friction = [friction, settings.torsion, 1e-4]
     _fixture(mj, spec)
     if settings.table is not None:
-        _table(mj, spec, settings.table, friction, settings)
+        add_table(
+            mj, spec, settings.table, surface, friction, settings.solref, settings.solimp,
+            OBJECT_BIT,
+        )  # fmt: skip
     return _compiled(mj, spec, robot, tips, physics.sliding_friction)
 
 
@@ -263,7 +270,7 @@ def _bits(hand: int, *, touches_object: bool) -> tuple[int, int]:
     """What a part of a hand is, and what it collides with."""
     own = _FIRST_HAND << hand
     others = (_FIRST_HAND << _MOST_HANDS) - _FIRST_HAND - own
-    return own, others | _TABLE_BIT | (OBJECT_BIT if touches_object else 0)
+    return own, others | TABLE_BIT | (OBJECT_BIT if touches_object else 0)
 
 
 def _shapes(
@@ -313,14 +320,6 @@ def _fixture(mj: Any, spec: Any) -> None:
     )
 
 
-def _table(mj: Any, spec: Any, top: float, friction: float, settings: MujocoSettings) -> None:
-    table = spec.worldbody.add_geom(name=TABLE, type=mj.mjtGeom.mjGEOM_BOX)
-    table.size, table.pos = [1.0, 1.0, 0.02], [0.0, 0.0, top - 0.02]
-    table.contype, table.conaffinity = _TABLE_BIT, OBJECT_BIT
-    table.friction = [friction, settings.torsion, 1e-4]
-    table.solref, table.solimp = settings.solref, settings.solimp
-
-
 def _compiled(
     mj: Any, spec: Any, robot: RobotModel, tips: Sequence[str], sliding: Array
 ) -> MujocoModel:
@@ -339,6 +338,7 @@ def _compiled(
     joints = [index(kinds.mjOBJ_JOINT, name) for name in robot.full_names]
     pads = np.array([index(kinds.mjOBJ_GEOM, f"pad {tip}") for tip in tips], dtype=np.int64)
     free = index(kinds.mjOBJ_JOINT, OBJECT)
+    table = index(kinds.mjOBJ_BODY, TABLE)
     motors = [index(kinds.mjOBJ_ACTUATOR, name) for name in robot.joint_names]
     return MujocoModel(
         robot=robot,
@@ -356,6 +356,7 @@ def _compiled(
         sliding_friction=sliding,
         fixture=index(kinds.mjOBJ_EQUALITY, FIXTURE),
         fixture_body=int(model.body_mocapid[index(kinds.mjOBJ_BODY, FIXTURE)]),
+        table_body=-1 if table < 0 else int(model.body_mocapid[table]),
     )
 
 

@@ -55,15 +55,17 @@ class MujocoPlant(Plant):
         return bool(self.data.eq_active[self._map.fixture])
 
     def reset(self, q: Array, v: Array, position: Array, rotation: Array) -> Sensed:
-        """See `Plant.reset`; the fixture, if there is one, takes hold of the object."""
+        """See `Plant.reset`; a fixture takes hold of the object there, a table is put below it."""
         where, data, robot = self._map, self.data, self._map.robot
         self._mj.mj_resetData(self.model, data)
         data.qpos[where.position] = robot.full(q)
         data.qvel[where.velocity] = robot.ratio * np.asarray(v, dtype=np.float64)[robot.master]
         at = where.object_position
         data.qpos[at : at + 3], data.qpos[at + 3 : at + 7] = position, wxyz(rotation)
-        data.mocap_pos[where.fixture_body] = data.qpos[at : at + 3]
-        data.mocap_quat[where.fixture_body] = data.qpos[at + 3 : at + 7]
+        for body in (where.fixture_body, where.table_body):
+            if body >= 0:
+                data.mocap_pos[body] = data.qpos[at : at + 3]
+                data.mocap_quat[body] = data.qpos[at + 3 : at + 7]
         data.eq_active[where.fixture] = self._fixture
         self._slip[:] = 0.0
         self._lost = False
