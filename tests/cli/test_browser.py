@@ -10,7 +10,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from .shell import CARRY, PHASES, arrays, finish, start, wait_for_tick
+from .shell import CARRY, PHASES, arrays, finish, start, wait_for_tick, wbc
 
 CHROMIUM = "/usr/bin/chromium"
 ARGS = [
@@ -47,10 +47,10 @@ def page():
 class Live:
     """A run under way and the page that follows it."""
 
-    def __init__(self, page, folder, *arguments: str) -> None:
+    def __init__(self, page, folder, *arguments: str, scenario: str = "planar_exchange") -> None:
         self.page = page
         self.process = start(
-            "run", "planar_exchange", "--view", "--no-browser", "--out", "out", *arguments,
+            "run", scenario, "--view", "--no-browser", "--out", "out", *arguments,
             cwd=folder,
         )  # fmt: skip
         line = self.process.stdout.readline()
@@ -113,4 +113,57 @@ def test_the_exchange_is_seen_while_the_run_is_live(page, tmp_path):
     assert page.locator("#wbc-panel .task:not(.out)").count() >= 3
     finish(live.process)
     assert live.process.returncode == 0
+    assert page.faults == []
+
+
+FORCES = """() => ['f1', 'f2'].flatMap((finger) => ['force', 'measured'].map((kind) => {
+  const { scale, visible } = viewer.scene_tree.find(['wbc', 'forces', finger, kind]).object;
+  return visible ? scale.z : 0.0;
+}))"""
+
+
+def lengths(page) -> np.ndarray:
+    """Of the arrows of fingers 1 and 2, planned and measured of each, [m]; 0 where hidden."""
+    return np.array(page.evaluate(FORCES))
+
+
+def test_planned_and_measured_forces_are_seen_live_and_in_the_replay(page, tmp_path):
+    """20 N are planned, and what is measured is near that, never the same, and varies."""
+    live = Live(
+        page, tmp_path, "--set", "simulation.duration=1.5", scenario="planar_exchange_dynamic"
+    )
+    legend = page.locator("#wbc-panel .legend .name").all_inner_texts()
+    assert legend == ["planned", "measured", "torque limit", "friction cone", "weight", "resultant"]
+    page.wait_for_function(f"({FORCES})().every((length) => length > 0.0)")
+    seen = []
+    while len(seen) < 5:
+        seen.append(lengths(page))
+        page.wait_for_timeout(100)
+    assert live.process.poll() is None, "the run was over before it was looked at"
+    finish(live.process)
+    log = arrays(tmp_path / "out/log.npz")
+    planned, measured = (
+        np.linalg.norm(log[name], axis=2)[:, :2]
+        for name in ("contact_force_plan", "contact_force_meas")
+    )
+    scale = 0.3 / planned[log["t"] == 0.0].max()
+    both = scale * np.stack((planned, measured), axis=2).reshape(-1, 4)
+    for lengths_seen in seen:
+        assert np.abs(both - lengths_seen).max(axis=1).min() < 1e-4, "no tick has these forces"
+    assert np.ptp(seen, axis=0)[[1, 3]].max() > 0.0, "measured forces stand still"
+
+    wbc("view", "out", "--html", "run.html", cwd=tmp_path)
+    page.goto((tmp_path / "run.html").as_uri())
+    page.wait_for_function("viewer.animator.playing && viewer.animator.time > 0.05")
+    page.click("#wbc-player button")
+    for t in (0.2, 1.0):
+        page.locator("#wbc-player input").fill(str(t))
+        label = f"document.querySelector('#wbc-panel .value').textContent === '{t:.2f} s'"
+        page.wait_for_function(label)
+        page.wait_for_timeout(200)
+        k = int(np.argmin(np.abs(log["t"] - t)))
+        np.testing.assert_allclose(lengths(page), both[k], rtol=0.02)
+    pixels = live.pixels()
+    assert near(pixels, (0.05, 0.60, 0.20)) > 20, "no planned force is green"
+    assert near(pixels, (0.60, 0.15, 0.75)) > 20, "no measured force is violet"
     assert page.faults == []

@@ -123,7 +123,13 @@ def arrows(push: Array) -> ForceArrows:
     weight = np.array([0.0, -0.3, 0.0, 0.0, 0.0, 0.0])
     contact = np.stack((push, np.full(3, np.nan)))
     return ForceArrows(
-        contact, np.array([False, True]), np.array([0.0, 0.1, 0.0]), weight, -weight, np.zeros(3)
+        contact,
+        0.9 * contact,
+        np.array([False, True]),
+        np.array([0.0, 0.1, 0.0]),
+        weight,
+        -weight,
+        np.zeros(3),
     )
 
 

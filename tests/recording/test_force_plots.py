@@ -58,9 +58,10 @@ def test_arrows_and_cones_of_the_strip() -> None:
     depth = 0.03 * np.cos(angle)
     assert (x.min(), x.max()) == pytest.approx((-0.1, -0.1 + depth))
     assert y.max() == pytest.approx(0.5 * depth, rel=0.02)
-    push, weight, resultant, tight, *_ = axes.texts
+    found, push, weight, resultant, _, tight, *_ = axes.texts
+    assert (*found.xyann, *found.xy) == pytest.approx((-0.1, 0.0, 0.08, 0.0))  # 0.9 of the plan
     assert (*push.xyann, *push.xy) == pytest.approx((-0.1, 0.0, 0.1, 0.0))
     assert (*weight.xyann, *weight.xy) == pytest.approx((0.0, 0.1, 0.0, -0.2))
     assert (*resultant.xyann, *resultant.xy) == pytest.approx((0.0, 0.0, 0.0, 0.3))
-    colors = [text.arrowprops["color"] for text in (push, weight, resultant, tight)]
-    assert colors == ["#0D9933", "#141419", "#D91A1F", "#FA6B00"]
+    colors = [text.arrowprops["color"] for text in (found, push, weight, resultant, tight)]
+    assert colors == ["#9926BF", "#0D9933", "#141419", "#D91A1F", "#FA6B00"]

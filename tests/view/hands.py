@@ -64,6 +64,9 @@ class Rows:
     object_mass: np.ndarray = field(default_factory=lambda: np.zeros(0))
     object_com: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     force_status: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    # of torques: none, unless `under_torques` makes some
+    tau: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    contact_force_meas: np.ndarray = field(default_factory=lambda: np.zeros((0, 6, 3)))
 
 
 def postures(model: RobotModel, count: int) -> Rows:
@@ -116,4 +119,19 @@ def with_forces(model: RobotModel, rows: Rows) -> Rows:
         object_mass=np.full(count, 0.4),
         object_com=rows.object_pose[:, :3] + (0.02, 0.0, 0.0),
         force_status=np.where(rows.t > 2.5, 2, 0),
+    )
+
+
+def under_torques(model: RobotModel, rows: Rows) -> Rows:
+    """The same by torques, and no optimizer: measured forces are 80 % of the planned ones; a joint
+    of the right index finger is at its torque limit from 1.5 s on."""
+    forces = with_forces(model, rows)
+    tau = np.zeros((len(rows.t), model.nv))
+    distal = int(np.flatnonzero(model.support(model.frame(TIPS["r_index"])))[-1])
+    tau[rows.t >= 1.5, distal] = -0.98 * LIMIT
+    return replace(
+        rows,
+        contact_force_plan=forces.contact_force_plan,
+        contact_force_meas=0.8 * forces.contact_force_plan,
+        tau=tau,
     )

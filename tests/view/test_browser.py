@@ -256,7 +256,7 @@ def test_force_arrows_grow_and_turn_orange_in_the_live_page(page):
         push = -shot.contact_normals * np.array([[0.02], [0.02 + 0.01 * t]])
         wrench = np.array([0.0, 0.03, 0.0, 0.0, 0.0, 0.02])
         forces = ForceArrows(
-            push, np.array([False, t >= 2.0]), shot.object_pose[:3], -wrench, wrench,
+            push, 0.5 * push, np.array([False, t >= 2.0]), shot.object_pose[:3], -wrench, wrench,
             shot.object_pose[:3],
         )  # fmt: skip
         return replace(shot, contact_mode=np.array([1, 1]), forces=forces)

@@ -14,14 +14,15 @@ from wbc.errors import UnknownNameError, WbcError
 from wbc.view import Scene, write_html
 from wbc.view.arrows import FORCE, LIMITED, marks
 from wbc.view.arrows import poses as arrow_poses
-from wbc.view.draw import fixed_commands, moving_commands, node, poses
-from wbc.view.forces import ArrowMaker, own_joints
+from wbc.view.draw import STATES, fixed_commands, moving_commands, node, poses, tips
+from wbc.view.forces import ArrowMaker, Load, own_joints
 from wbc.view.from_robot import SnapshotMaker, robot_scene, status_text
+from wbc.view.panel import panel_info
 from wbc.view.scene import ForceArrows
 from wbc.view.slot import Layout, SlotReader, SlotWriter, anonymous_file
 
 from .demo import demo_scene, demo_snapshot
-from .hands import LIMIT, PLACE, TIPS, dual_arm, postures, with_forces
+from .hands import LIMIT, PLACE, TIPS, dual_arm, postures, under_torques, with_forces
 from .test_drawing import volume
 from .test_html import animation_of, values
 
@@ -97,7 +98,7 @@ def test_no_arrow_is_longer_than_the_picture_needs(size: float, drawn: float) ->
     n = GRASP.count
     push = np.tile([0.0, size, 0.0], (n, 1))
     none, weight = np.zeros(3), np.array([0.0, 0.0, -np.inf, 0.0, 0.0, 0.0])
-    arrows = ForceArrows(push, np.zeros(n, dtype=bool), none, weight, np.zeros(6), none)
+    arrows = ForceArrows(push, 0.5 * push, np.zeros(n, dtype=bool), none, weight, np.zeros(6), none)
     found = arrow_poses(SCENE, arrows, np.tile(np.eye(4), (n, 1, 1)))
     for name in SCENE.contact_names:
         assert length(np.nan_to_num(found["forces", name, "force"])) == pytest.approx(drawn)
@@ -137,9 +138,61 @@ def test_an_arrow_turns_orange_where_a_joint_of_its_finger_is_at_its_limit() -> 
 def test_joints_without_limits_are_never_at_one() -> None:
     arrows = ArrowMaker(MODEL, list(TIPS.values()), [-np.inf] * NV, [np.inf] * NV)
     force = ROWS.contact_force_plan[3]
-    made = arrows.of(force, np.full(NV, np.inf), 0.0, PLACE, np.zeros(6), PLACE)
+    made = arrows.planned(force, np.full(NV, np.inf), Load(0.0, PLACE, np.zeros(6)), PLACE)
     assert not made.limited.any()
-    assert np.isnan(made.contact).any() or (made.contact == 0.0).all()  # no weight yet, no scale
+    # without a weight the largest force is the measure
+    assert np.linalg.norm(made.contact, axis=1).max() == pytest.approx(0.10)
+
+
+def test_under_torques_measured_forces_stand_beside_the_planned_ones() -> None:
+    """Without an optimizer the load is the body's weight, and what the planned forces sum up to."""
+    rows = under_torques(MODEL, postures(MODEL, 7))
+    inside = np.array([0.0, 0.03, 0.0])
+    arrows = ArrowMaker(MODEL, list(TIPS.values()), [-LIMIT] * NV, [LIMIT] * NV, body=(0.4, inside))
+    scene = replace(SCENE, measured=True)
+    make = SnapshotMaker(MODEL, arrows=arrows)
+    for k in (1, 3, 6):  # the second a touch, the last two at a limit
+        shot = make.of_row(rows, k)
+        found, commands = poses(scene, shot), moving_commands(scene, shot)
+        touching = rows.contact_mode[k].any()
+        for i, name in enumerate(TIPS):
+            planned, measured = (found[node("forces", name, n)] for n in ("force", "measured"))
+            assert np.isfinite(measured).all() == touching
+            if touching:
+                want = 0.10 / (0.4 * 9.81) * rows.contact_force_plan[k, i]
+                np.testing.assert_allclose(planned[:3, 2], want, atol=1e-12)
+                np.testing.assert_allclose(measured[:3, 2], 0.8 * want, atol=1e-12)
+            tip = next(path for path, shape in tips(scene).items() if shape.finger == name)
+            tight = k >= 3 and name == "r_index"
+            for path, color in ((node("forces", name, "force"), FORCE),
+                                (tip, STATES[rows.contact_mode[k, i]])):  # fmt: skip
+                value = umsgpack.unpackb(commands[path, "color"])["value"]
+                if tight:
+                    assert value == list(LIMITED)
+                elif touching:
+                    assert value == list(color)
+        turn = poses(scene, shot)[node("object")][:3, :3]
+        weight = found[node("forces", "weight")]
+        np.testing.assert_allclose(weight[:3, 3], PLACE + turn @ inside, atol=1e-12)
+        np.testing.assert_allclose(weight[:3, 2], (0.0, 0.0, -0.10), atol=1e-12)
+    total = rows.contact_force_plan[6].sum(axis=0)
+    resultant = found[node("forces", "resultant")][:3, 2]
+    np.testing.assert_allclose(resultant, 0.10 / (0.4 * 9.81) * total, atol=1e-12)
+
+
+def test_each_colour_is_told_in_the_panel() -> None:
+    told = [name for name, _ in panel_info(SCENE)["legend"]]
+    assert told == ["planned", "torque limit", "friction cone", "weight", "resultant"]
+    both = dict(panel_info(replace(SCENE, measured=True))["legend"])
+    assert both["measured"] == "#9926bf" and both["planned"] == "#0d9933"
+    assert panel_info(demo_scene())["legend"] == []
+
+
+def test_a_limit_on_one_side_only_is_no_limit_everywhere() -> None:
+    arrows = ArrowMaker(MODEL, list(TIPS.values()), [-LIMIT] * NV, [np.inf] * NV)
+    force, points = ROWS.contact_force_plan[3], ROWS.contact_points[3]
+    pose = ROWS.object_pose[3]
+    assert not arrows.driven(force, force, np.full(NV, 0.4), points, pose).limited.any()
 
 
 def test_verdicts_are_told() -> None:

@@ -15,6 +15,7 @@ from typing import final
 
 import numpy as np
 
+from wbc.cli.pictures import force_pictures
 from wbc.cli.progress import SlowNotice
 from wbc.cli.session import LOG, ROBOT
 from wbc.contact.grasp import Grasp
@@ -93,7 +94,7 @@ class Film:
 
     Attributes:
         path: the log's file.
-        arrows: where the run planned forces.
+        arrows: where the run has forces.
     """
 
     path: Path
@@ -153,19 +154,19 @@ def open_film(run: str) -> Film:
     grasp = build_grasp(scenario, model)
     _check_contacts(path, log, grasp)
     meta = log.meta
-    tips = [scenario.robot.fingers[name] for name in grasp.fingers]
+    forces = force_pictures(scenario, meta, model, grasp)
     scene = robot_scene(
         model,
         grasp,
         title=meta.scenario,
-        tips=tips,
+        tips=[scenario.robot.fingers[name] for name in grasp.fingers],
         task_names=log.task_names,
         phase_names=log.phase_names,
         shown=[(log.q[0], log.object_pose[0, :3]), (log.q[-1], log.object_pose[-1, :3])],
-        friction=meta.mu,
+        friction=forces.friction,
+        measured=forces.measured,
     )
-    arrows = ArrowMaker(model, tips, meta.tau_min, meta.tau_max) if log.plans_forces else None
-    return Film(path, log, scenario, scene, model, grasp, arrows)
+    return Film(path, log, scenario, scene, model, grasp, forces.arrows)
 
 
 def _check_contacts(path: Path, log: Log, grasp: Grasp) -> None:

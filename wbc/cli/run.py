@@ -15,6 +15,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc.cli.interrupt import Interrupts
+from wbc.cli.pictures import force_pictures
 from wbc.cli.progress import Progress, SlowNotice
 from wbc.cli.report import report_lines
 from wbc.cli.session import (
@@ -39,7 +40,6 @@ from wbc.scenario.schema import Scenario
 from wbc.sim import dynamic, kinematic
 from wbc.sim.dynamic import Dynamics
 from wbc.view import LiveView
-from wbc.view.forces import ArrowMaker
 from wbc.view.from_robot import SnapshotMaker, robot_scene
 
 _LATE = 0.1  # behind by more than this, the pace starts anew rather than hurry, [s]
@@ -108,20 +108,20 @@ class _Viewer:
         controller, model = assembly.controller, assembly.model
         shown = len(controller.task_names) - controller.law.kin.grasp.count
         main = () if assembly.main_task is None else (assembly.main_task,)
-        fingers, meta = assembly.loaded.scenario.robot.fingers, run_meta(assembly)
-        tips = [fingers[name] for name in meta.contact_names]
+        scenario, meta = assembly.loaded.scenario, run_meta(assembly)
+        forces = force_pictures(scenario, meta, model, controller.law.kin.grasp)
         scene = robot_scene(
             model,
             controller.law.kin.grasp,
-            title=assembly.loaded.scenario.name,
-            tips=tips,
+            title=scenario.name,
+            tips=[scenario.robot.fingers[name] for name in meta.contact_names],
             task_names=(*main, *controller.task_names[:shown]),
             phase_names=tuple(phase.name for phase in controller.phases.phases),
             shown=[(assembly.start.q, controller.law.kin.object_position)],
-            friction=meta.mu,
+            friction=forces.friction,
+            measured=forces.measured,
         )
-        arrows = ArrowMaker(model, tips, meta.tau_min, meta.tau_max) if meta.mu else None
-        self._maker = SnapshotMaker(model, controller.task_names, shown, bool(main), arrows)
+        self._maker = SnapshotMaker(model, controller.task_names, shown, bool(main), forces.arrows)
         self._live = LiveView(scene, arguments.port, open_browser=not arguments.no_browser)
         if self._live.url:
             asked = arguments.port

@@ -128,7 +128,7 @@ def _mujoco(
     body: FreeBody, physics: Physics,
 ) -> Plant:  # fmt: skip
     given = scenario.simulation.physics
-    settings = MujocoSettings(_torque_limits(scenario, model), table=_table(scenario))
+    settings = MujocoSettings(limits_of_torques(scenario, model), table=_table(scenario))
     made = build_mujoco(model, tips, pads, surface, body, physics, settings)
     return MujocoPlant(made, fixture=given.fixture is not None)
 
@@ -153,7 +153,7 @@ def _gains(
     arm, names, fingers = ~finger_joints(model, tips), model.joint_names, grasp.fingers
     arms = given.arms
     stiffness = np.where(arm, _by(arms.stiffness, names, 1000.0), 0.0)
-    limit = _torque_limits(scenario, model)
+    limit = limits_of_torques(scenario, model)
     return ForceGains(
         position=_by(given.position, fingers, 2000.0),
         force=_by(given.force, fingers, 0.2),
@@ -171,7 +171,8 @@ def _gains(
     )
 
 
-def _torque_limits(scenario: Scenario, model: RobotModel) -> Array:
+def limits_of_torques(scenario: Scenario, model: RobotModel) -> Array:
+    """(nv,) largest torque of each joint of a run under torques, [Nm]; inf where there is none."""
     return torque_limits({} if scenario.forces is None else scenario.forces.torque_limits, model)
 
 

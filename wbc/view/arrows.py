@@ -1,8 +1,9 @@
-"""Planned contact forces in the picture, after Figure 2 of the chapter.
+"""Contact forces in the picture, after Figure 2 of the chapter.
 
-At each contact an arrow, the force on the object from the contact point on, and the friction cone
-(2) that it has to stay in; for the object the weight at its centre of mass, and the wrench that
-the contacts supply at its origin. Moments are arrows with two heads.
+At each contact an arrow, the planned force on the object from the contact point on, where forces
+are measured a thicker one below it, and the friction cone (2) that they have to stay in; for the
+object the weight at its centre of mass, and the wrench that the contacts supply at its origin.
+Moments are arrows with two heads.
 
 Every arrow is a mesh of unit length, sent once: its pose also scales it along z.
 """
@@ -26,6 +27,8 @@ FORCE: Rgba = (0.05, 0.60, 0.20, 0.999)
 """Green: every joint of the finger keeps clear of its torque limits."""
 LIMITED: Rgba = (0.98, 0.42, 0.0, 0.999)
 """Orange: a torque limit of the finger is active."""
+MEASURED: Rgba = (0.60, 0.15, 0.75, 0.999)
+"""Violet, and thicker: of the planned force on top of it both are seen, however near they are."""
 CONE: Rgba = (1.0, 0.87, 0.0, 0.38)
 WEIGHT: Rgba = (0.08, 0.08, 0.10, 1.0)
 RESULTANT: Rgba = (0.85, 0.10, 0.12, 1.0)
@@ -38,6 +41,7 @@ _OBJECT: dict[str, tuple[Rgba, bool]] = {
 }
 _SLANT = 0.03  # of a cone, [m]
 _RADIUS = 0.0016  # of a shaft, [m]
+_PLANAR = 3.0  # a planar scene of this radius has marks as large as a hand's fingertips [1/m]
 _SHORTEST = 5e-4  # arrow that is drawn, [m]
 _LONGEST = 1.0  # longer ones are drawn so long: they leave the picture in any case, [m]
 
@@ -59,17 +63,32 @@ def marks(scene: Scene) -> dict[Path, Mark]:
     if not scene.friction_angles:
         return {}
     found: dict[Path, Mark] = {}
+    size = _PLANAR * scene.extent if scene.planar else 1.0
+    radius = size * _RADIUS
     for name, angle in zip(scene.contact_names, scene.friction_angles, strict=True):
-        found["forces", name, "cone"] = Mark(_cone(angle), CONE, 1)
-        found["forces", name, "force"] = Mark(_arrow(_RADIUS, False), FORCE, 3)
+        found["forces", name, "cone"] = Mark(_cone(angle, size * _SLANT), CONE, 1)
+        if scene.measured:
+            found["forces", name, "measured"] = Mark(_arrow(1.7 * radius, False), MEASURED, 3)
+        found["forces", name, "force"] = Mark(_arrow(radius, False), FORCE, 4)
     for part, (rgba, double) in _OBJECT.items():
-        found["forces", part] = Mark(_arrow(1.5 * _RADIUS, double), rgba, 2)
+        found["forces", part] = Mark(_arrow(1.5 * radius, double), rgba, 2)
     return found
 
 
-def _cone(angle: float) -> Mesh:
+def legend(scene: Scene) -> dict[str, Rgba]:
+    """What each colour of the marks is."""
+    if not scene.friction_angles:
+        return {}
+    measured = {"measured": MEASURED} if scene.measured else {}
+    return {
+        "planned": FORCE, **measured, "torque limit": LIMITED, "friction cone": CONE,
+        "weight": WEIGHT, "resultant": RESULTANT,
+    }  # fmt: skip
+
+
+def _cone(angle: float, slant: float) -> Mesh:
     """Tip at the origin, opening along -z: into the object where z is the outward normal."""
-    radius, depth = _SLANT * math.sin(angle), _SLANT * math.cos(angle)
+    radius, depth = slant * math.sin(angle), slant * math.cos(angle)
     return revolved(np.array([0.0, radius, 0.0]), np.array([-depth, -depth, 0.0]), 40)
 
 
@@ -94,9 +113,13 @@ def poses(scene: Scene, arrows: ForceArrows | None, contacts: Array) -> dict[Pat
         return dict.fromkeys(marks(scene), nothing)
     found: dict[Path, Array] = {}
     forces = _along(contacts[:, :3, 3], arrows.contact)
-    for name, touching, force in zip(scene.contact_names, contacts, forces, strict=True):
-        found["forces", name, "cone"] = touching if np.isfinite(force).all() else nothing
-        found["forces", name, "force"] = force
+    measured = _along(contacts[:, :3, 3], arrows.measured)
+    for i, name in enumerate(scene.contact_names):
+        pressing = np.isfinite(forces[i]).all() or np.isfinite(measured[i]).all()
+        found["forces", name, "cone"] = contacts[i] if pressing else nothing
+        if scene.measured:
+            found["forces", name, "measured"] = measured[i]
+        found["forces", name, "force"] = forces[i]
     origin = arrows.origin
     starts = np.array([arrows.com, origin, origin, origin])
     vectors = np.concatenate((arrows.weight, arrows.resultant)).reshape(4, 3)

@@ -9,11 +9,13 @@ Nodes of the page's scene tree, each a stable path:
     /wbc/contacts/<name>/point        sphere at the contact, its colour that of the contact's state
     /wbc/contacts/<name>/normal       arrow along z, the outward normal; while the finger touches,
                                       in a scene without forces
-    /wbc/forces/<name>/cone, force    of a contact, where forces are planned; the rest of them are
+    /wbc/forces/<name>/cone, force    of a contact, where forces are planned; where they are
+                                      measured, also .../measured; the rest of them are
                                       /wbc/forces/weight, weight_moment, resultant and
                                       resultant_moment (see `wbc.view.arrows`)
 
-A shape with a finger takes the colour of that contact's state while it touches.
+A shape with a finger takes the colour of that contact's state while it touches, and that of a
+torque limit while one of its finger is active.
 
 The text panel is no node: meshcat has no fixed overlay, so it is #wbc-panel of the page.
 
@@ -31,7 +33,7 @@ import numpy as np
 import umsgpack
 from meshcat import geometry as g
 
-from wbc.arrays import Array
+from wbc.arrays import Array, IntArray
 from wbc.view import arrows
 from wbc.view.meshes import capsule, ribbon
 from wbc.view.scene import (
@@ -277,8 +279,9 @@ def moving_commands(scene: Scene, snapshot: Snapshot) -> Commands:
         for part in ("point", "normal"):
             path = node("contacts", name, part)
             out[path, "color"] = set_property(path, "color", list(STATES[mode]))
+    states = dict(zip(scene.contact_names, tip_states(snapshot).tolist(), strict=True))
     for path, shape in tips(scene).items():
-        color = tip_colors(shape)[modes[shape.finger or ""]]
+        color = tip_colors(shape)[states[shape.finger or ""]]
         out[path, "color"] = set_property(path, "color", list(color))
     for names, rgba in arrows.colors(scene, snapshot.forces).items():
         path = node(*names)
@@ -292,5 +295,13 @@ def tips(scene: Scene) -> dict[str, SceneShape]:
 
 
 def tip_colors(shape: SceneShape) -> tuple[tuple[float, ...], ...]:
-    """Colours of a fingertip by the mode of its contact: its own while it is free."""
-    return (shape.rgba, *STATES[1:])
+    """Colours of a fingertip by `tip_states`: its own while it is free."""
+    return (shape.rgba, *STATES[1:], arrows.LIMITED)
+
+
+def tip_states(snapshot: Snapshot) -> IntArray:
+    """(N,) mode of each contact; 3 where a torque limit of its finger is active."""
+    mode = np.asarray(snapshot.contact_mode, dtype=np.int64)
+    if snapshot.forces is None:
+        return mode
+    return np.where(snapshot.forces.limited, len(STATES), mode)

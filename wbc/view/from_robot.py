@@ -20,9 +20,9 @@ from wbc.robot.prepare import prepared
 from wbc.rotations import quaternion
 from wbc.stack.supervisor import StackEvent
 from wbc.view.creases import creased
-from wbc.view.forces import ArrowMaker
+from wbc.view.forces import ArrowMaker, Load
 from wbc.view.framing import Place, frame, placements
-from wbc.view.scene import Kind, ObjectShape, Rgba, Scene, SceneShape, Snapshot
+from wbc.view.scene import ForceArrows, Kind, ObjectShape, Rgba, Scene, SceneShape, Snapshot
 
 _GREY: Rgba = (0.6, 0.62, 0.66, 1.0)
 _PALE: Rgba = (0.66, 0.76, 0.86, 1.0)  # of an object under arrows and cones, which are warmer
@@ -49,6 +49,7 @@ def robot_scene(
     phase_names: tuple[str, ...] = (),
     shown: Iterable[Place] = (),
     friction: Sequence[float] = (),
+    measured: bool = False,
 ) -> Scene:
     """The robot's visual shapes, the grasp's object and the names of what a run changes.
 
@@ -56,7 +57,8 @@ def robot_scene(
         tips: frames of the grasp's fingertips, in its order; their shapes will show its state.
         task_names: of the panel, highest priority first.
         shown: what the camera has to take in; by default the robot's middle position.
-        friction: coefficient μ of each contact, where planned forces are to be shown.
+        friction: coefficient μ of each contact, where forces are to be shown.
+        measured: they are measured, too.
     """
     shapes = with_tips(model, robot_shapes(model), dict(zip(grasp.fingers, tips, strict=False)))
     body = object_shape(grasp.surface, _thickness(shapes)) if grasp.count else None
@@ -78,6 +80,7 @@ def robot_scene(
         towards=framing.towards,
         floor=framing.floor,
         friction_angles=tuple(math.atan(mu) for mu in friction),
+        measured=measured,
     )
 
 
@@ -223,6 +226,10 @@ class Rows(Protocol):
     def object_com(self) -> Array: ...
     @property
     def force_status(self) -> IntArray: ...
+    @property
+    def tau(self) -> Array: ...
+    @property
+    def contact_force_meas(self) -> Array: ...
 
 
 @final
@@ -245,7 +252,7 @@ class SnapshotMaker:
         Args:
             task_names: of the records' arrays; the first `shown` of them are in the scene.
             main: the scene names a main task before them.
-            arrows: where the scene shows planned forces.
+            arrows: where the scene shows forces.
         """
         self.text = ""
         self._arrows = arrows
@@ -278,12 +285,7 @@ class SnapshotMaker:
         """A tick of a run that goes on."""
         pose = np.concatenate((record.object_position, quaternion(record.object_rotation)))
         lead, shown = self._lead, self._shown
-        plan, forces, verdict = record.forces, None, 0
-        if self._arrows is not None and plan is not None:
-            verdict = plan.status
-            forces = self._arrows.of(
-                plan.force, plan.torque_margin, plan.mass, plan.com, plan.wrench, pose[:3]
-            )
+        plan = record.forces
         return Snapshot(
             t=record.t,
             bodies=placements(self._model, self._data, record.q),
@@ -298,20 +300,14 @@ class SnapshotMaker:
             eps_m=record.residuals[1],
             error=_largest(record.object_error),
             distance=record.min_distance,
-            status=status_text(int(record.status), verdict),
+            status=status_text(int(record.status), 0 if plan is None else plan.status),
             text=self.text,
-            forces=forces,
+            forces=self._forces_of_record(record, pose),
         )
 
     def of_row(self, rows: Rows, k: int) -> Snapshot:
         """Tick k of a recorded run."""
-        forces, verdict = None, 0
-        if self._arrows is not None and len(rows.force_status):
-            verdict = int(rows.force_status[k])
-            forces = self._arrows.of(
-                rows.contact_force_plan[k], rows.torque_margin[k], float(rows.object_mass[k]),
-                rows.object_com[k], rows.wrench_plan[k], rows.object_pose[k, :3],
-            )  # fmt: skip
+        verdict = int(rows.force_status[k]) if len(rows.force_status) else 0
         return Snapshot(
             t=float(rows.t[k]),
             bodies=placements(self._model, self._data, rows.q[k]),
@@ -328,8 +324,35 @@ class SnapshotMaker:
             distance=float(rows.min_distance[k]),
             status=status_text(int(rows.status[k]), verdict),
             text=self.text,
-            forces=forces,
+            forces=self._forces_of_row(rows, k),
         )
+
+    def _forces_of_record(self, record: TickRecord, pose: Array) -> ForceArrows | None:
+        plan, found = record.forces, record.dynamics
+        if self._arrows is None:
+            return None
+        load = None if plan is None else Load(plan.mass, plan.com, plan.wrench)
+        if found is not None:
+            points = record.contact_points
+            return self._arrows.driven(found.plan, found.force, found.tau, points, pose, load)
+        if plan is None or load is None:
+            return None
+        return self._arrows.planned(plan.force, plan.torque_margin, load, pose[:3])
+
+    def _forces_of_row(self, rows: Rows, k: int) -> ForceArrows | None:
+        if self._arrows is None:
+            return None
+        load, pose = None, rows.object_pose[k]
+        if len(rows.force_status):
+            load = Load(float(rows.object_mass[k]), rows.object_com[k], rows.wrench_plan[k])
+        if len(rows.tau):
+            force, points = rows.contact_force_plan[k], rows.contact_points[k]
+            measured, tau = rows.contact_force_meas[k], rows.tau[k]
+            return self._arrows.driven(force, measured, tau, points, pose, load)
+        if load is None:
+            return None
+        plan, margin = rows.contact_force_plan[k], rows.torque_margin[k]
+        return self._arrows.planned(plan, margin, load, pose[:3])
 
 
 def event_text(t: float, task: str, inserted: bool) -> str:

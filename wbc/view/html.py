@@ -25,6 +25,7 @@ from wbc.view.draw import (
     pack,
     poses,
     tip_colors,
+    tip_states,
     tips,
 )
 from wbc.view.panel import meshcat_script, page, page_file, panel_info, panel_state, script_json
@@ -133,15 +134,17 @@ def _animation(scene: Scene, snapshots: Sequence[Snapshot]) -> bytes:
         tracks = _pose_tracks(times, _held(np.stack([f[path] for f in frames])))
         clips.append(_clip(path, tracks))
     modes = _held(np.stack([np.asarray(s.contact_mode, dtype=np.int64) for s in snapshots]))
-    by_name = dict(zip(scene.contact_names, modes.T, strict=True))
-    painted: dict[str, tuple[str, Sequence[tuple[float, ...]]]] = {
-        path: (shape.finger or "", tip_colors(shape)) for path, shape in tips(scene).items()
+    states = _held(np.stack([tip_states(s) for s in snapshots]))
+    column = {name: i for i, name in enumerate(scene.contact_names)}
+    painted: dict[str, tuple[NDArray[Any], Sequence[tuple[float, ...]]]] = {
+        path: (states[:, column[shape.finger or ""]], tip_colors(shape))
+        for path, shape in tips(scene).items()
     }
     for name in scene.contact_names:
         for part in (("point",), ("normal", "shaft"), ("normal", "head")):
-            painted[node("contacts", name, *part)] = (name, STATES)
-    for path, (name, colors) in painted.items():
-        values = np.array([c[:3] for c in colors])[by_name[name]]
+            painted[node("contacts", name, *part)] = (modes[:, column[name]], STATES)
+    for path, (shown, colors) in painted.items():
+        values = np.array([c[:3] for c in colors])[shown]
         track = _track("material.color", "color", times, values, interpolation=_DISCRETE)
         clips.append(_clip(path + "/<object>", [track]))
     clips += _force_colors(scene, snapshots, times)

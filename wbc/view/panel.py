@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from wbc.errors import WbcError
+from wbc.view import arrows
 from wbc.view.draw import STATES
 from wbc.view.scene import Scene, Snapshot
 
@@ -39,6 +40,7 @@ def panel_info(scene: Scene) -> dict[str, Any]:
         "contacts": list(scene.contact_names),
         "phases": list(scene.phase_names),
         "colors": [_css(color) for color in STATES],
+        "legend": [[name, _css(color)] for name, color in arrows.legend(scene).items()],
         "view": {
             "planar": scene.planar,
             "center": [float(c) for c in scene.center],

@@ -85,6 +85,7 @@ class Scene:
         floor: height [m] of the grid in space.
         friction_angles: (N,) half angle of the friction cone of each contact, [rad]; empty where
             no forces are planned, and none are shown.
+        measured: forces are measured, too.
     """
 
     title: str
@@ -100,6 +101,7 @@ class Scene:
     towards: tuple[float, float, float] = (0.62, -0.62, 0.48)
     floor: float = 0.0
     friction_angles: tuple[float, ...] = ()
+    measured: bool = False
 
     def __post_init__(self) -> None:
         seen = set()
@@ -121,10 +123,11 @@ class Scene:
 
 
 class ForceArrows(NamedTuple):
-    """Planned forces and moments of an instant as lengths in the picture, [m], world axes.
+    """Forces and moments of an instant as lengths in the picture, [m], world axes.
 
     Attributes:
-        contact: (N, 3) force on the object at each contact; NaN where there is none.
+        contact: (N, 3) planned force on the object at each contact; NaN where there is none.
+        measured: (N, 3) measured force, likewise.
         limited: (N,) a torque limit of the contact's finger is active.
         com: (3,) centre of mass, where the weight begins.
         weight: (6,) force and moment of gravity about the object's origin.
@@ -133,6 +136,7 @@ class ForceArrows(NamedTuple):
     """
 
     contact: Array
+    measured: Array
     limited: BoolArray
     com: Array
     weight: Array

@@ -63,7 +63,7 @@ class Layout:
 
     @property
     def doubles(self) -> int:
-        forces = 4 * self.contacts + _OF_OBJECT if self.forces else 0
+        forces = 7 * self.contacts + _OF_OBJECT if self.forces else 0
         return _SCALARS + 7 + 16 * self.bodies + 7 * self.contacts + 2 * self.tasks + forces
 
     @property
@@ -95,8 +95,9 @@ class _Record:
         self.matrices = parts[7].reshape(nb, 4, 4)
         self.forces = None
         if layout.forces:
-            contact, limited, *of_object = np.split(parts[8], np.cumsum((3 * nc, nc, 3, 6, 6)))
-            self.forces = contact.reshape(nc, 3), limited, *of_object
+            cuts = np.cumsum((3 * nc, 3 * nc, nc, 3, 6, 6))
+            plan, measured, *others = np.split(parts[8], cuts)
+            self.forces = plan.reshape(nc, 3), measured.reshape(nc, 3), *others
 
     def fill(self, s: Snapshot) -> None:
         bodies = np.asarray(s.bodies)
@@ -121,10 +122,10 @@ class _Record:
         return zlib.crc32(self.content, number & 0xFFFFFFFF)
 
     def _arrows(self) -> ForceArrows | None:
-        if self.forces is None or np.isnan(self.forces[1]).any():
+        if self.forces is None or np.isnan(self.forces[2]).any():
             return None
-        contact, limited, *of_object = self.forces
-        return ForceArrows(contact, limited != 0.0, *of_object)
+        plan, measured, limited, *of_object = self.forces
+        return ForceArrows(plan, measured, limited != 0.0, *of_object)
 
     def snapshot(self) -> Snapshot:
         t, phase, eps_f, eps_m, error_p, error_r, distance, as_matrices = self.scalars.tolist()

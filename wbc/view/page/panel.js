@@ -44,6 +44,8 @@ const wbc = (() => {
     tasks = section("tasks, highest first", info.tasks, "task out");
     for (const line of tasks) add(add(line, "span", "bar"), "i").style.width = "0";
     contacts = section("contacts", info.contacts, "contact");
+    const colors = section("forces", info.legend.map((entry) => entry[0]), "legend");
+    colors.forEach((line, i) => { line.firstChild.style.background = info.legend[i][1]; });
     text = add(panel, "div", "text");
     lost = add(panel, "div", "lost");
   }
