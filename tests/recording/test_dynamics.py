@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 
 from tests.recording.runs import FORCE_META, META, planned, record, recorded, with_forces
 from wbc.arrays import Array
@@ -15,9 +16,9 @@ from wbc.control.state import DynamicsRecord, Status
 from wbc.errors import WbcError
 from wbc.recording import Log, Outcome, Recorder, summarize
 from wbc.recording.dynamic_facts import object_error_true
-from wbc.recording.dynamic_plots import torques
+from wbc.recording.dynamic_plots import force_errors, torques
 from wbc.recording.log import DYNAMICS
-from wbc.recording.plots import plot
+from wbc.recording.plots import object_error, plot
 from wbc.rotations import exp_so3
 
 LIMITED = replace(META, tau_min=(-0.5, -0.5, -np.inf), tau_max=(0.5, 0.5, np.inf))
@@ -247,14 +248,33 @@ def test_forces_that_could_not_be_planned_are_what_failed() -> None:
 
 def test_a_run_under_torques_has_a_picture_of_them(tmp_path: Path) -> None:
     files = plot(run(), tmp_path)
-    assert "torques.png" in {file.name for file in files}
+    assert {"torques.png", "force_errors.png"} <= {file.name for file in files}
     assert "torques.png" not in {file.name for file in plot(recorded(60), tmp_path / "ideal")}
-    curves = [
-        [line.get_ydata()[5] for line in axes.lines if len(line.get_ydata()) == 60]
-        for axes in torques(run()).axes
-    ]  # beside lines at the phases
-    assert [curve[0] for curve in curves] == pytest.approx([2.0, 1.0, 4.1, 0.1, 0.4])
-    assert curves[2][1] == pytest.approx(4.0)
+    load, behind, slip = (values(axes)[0] for axes in torques(run()).axes)
+    assert (load[5], behind[5], slip[5]) == pytest.approx((0.4, 1.0, 0.05))
+
+
+def values(axes: Axes) -> list[Array]:
+    """The curves of a panel, beside lines at the phases."""
+    return [line.get_ydata() for line in axes.lines if len(line.get_ydata()) == 60]
+
+
+def test_force_errors_are_measured_less_planned_of_those_that_touch() -> None:
+    error, press = (values(axes) for axes in force_errors(run()).axes)
+    assert error[0] == pytest.approx(np.full(60, 0.1))
+    assert np.isnan(error[1]).all(), "finger 2 is free"
+    assert press[0] == pytest.approx(np.full(60, 4.1))
+    assert press[1] == pytest.approx(np.full(60, 4.0))
+
+
+def test_the_true_error_of_the_object_is_beside_that_of_the_fingers() -> None:
+    log = run()
+    left, right = object_error(log).axes
+    for axes, part in ((left, 0), (right, 1)):
+        *fingers, true = values(axes)
+        assert fingers[0] == pytest.approx(log.object_error[:, 0, part])
+        assert true[1:] == pytest.approx(object_error_true(log)[part][1:])
+    assert all(len(values(axes)) == 2 for axes in object_error(recorded(60)).axes)
 
 
 def test_large_angles_are_told_as_small_ones_are() -> None:

@@ -15,6 +15,7 @@ from typing import final
 
 import numpy as np
 
+from wbc.cli.as_measured import as_measured
 from wbc.cli.pictures import force_pictures
 from wbc.cli.progress import SlowNotice
 from wbc.cli.session import LOG, ROBOT
@@ -68,7 +69,7 @@ def plot_command(arguments: argparse.Namespace) -> int:
     from wbc.recording.strip import draw_strip, moments
 
     folder = Path(arguments.out) if arguments.out else film.path.parent / "plots"
-    files = plot(film.log, folder)
+    files = plot(film.measured, folder)
     if film.log.plans_forces:
         files += _force_figures(film, folder)
     instants = list(film.snapshots(moments(film.log, _PICTURES).tolist()))
@@ -112,6 +113,13 @@ class Film:
         if not log.dynamic or not np.isfinite(log.q_meas).all():
             return log
         return changed(log, q=log.q_meas, object_pose=log.object_pose_true)
+
+    @cached_property
+    def measured(self) -> Log:
+        """The log with errors, residuals and tasks as measured, where torques moved the robot."""
+        if not (self.log.dynamic and self.log.contact_names):
+            return self.log
+        return as_measured(self.log, self.scenario, self.model, self.grasp)
 
     def thinned(self, fps: float) -> list[int]:
         """Ticks for at most `fps` pictures per second, with the first and the last."""

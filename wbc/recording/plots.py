@@ -15,7 +15,8 @@ from matplotlib.patheffects import withStroke
 
 from wbc.arrays import Array, BoolArray
 from wbc.errors import WbcError
-from wbc.recording.dynamic_plots import torques
+from wbc.recording.dynamic_facts import object_error_true
+from wbc.recording.dynamic_plots import force_errors, torques
 from wbc.recording.figures import (
     COLORS,
     DASHES,
@@ -35,6 +36,8 @@ from wbc.recording.summary import CONVERGED, velocity_steps
 
 _MOST_JOINTS = 12  # with a colour of their own
 _LEGEND = 8  # entries side by side
+TRUE = "#141419"
+"""Of what is true, beside what is known."""
 _STRIP = 0.1  # part of a panel's height in which the gain is drawn, below the curve
 
 
@@ -44,7 +47,7 @@ def plot(log: Log, out_dir: str | os.PathLike[str]) -> list[Path]:
     Returns:
         The files: where fingers touch an object ``object_error`` and ``residuals``; ``tasks``,
         ``stack``, ``motion``, ``safety``; where contact forces were planned ``forces``, and where
-        torques moved the robot ``torques``.
+        torques moved the robot ``force_errors`` and ``torques``.
 
     Raises:
         WbcError: nothing was recorded, or a file cannot be written.
@@ -64,7 +67,7 @@ def plot(log: Log, out_dir: str | os.PathLike[str]) -> list[Path]:
     if log.plans_forces:
         figures["forces"] = forces
     if log.dynamic:
-        figures["torques"] = torques
+        figures |= {"force_errors": force_errors, "torques": torques}
     files = []
     with style(), np.errstate(all="ignore"):  # a run that went wrong is still drawn
         for name, draw in figures.items():
@@ -73,8 +76,9 @@ def plot(log: Log, out_dir: str | os.PathLike[str]) -> list[Path]:
 
 
 def object_error(log: Log) -> Figure:
-    """Figure 15: the object's pose error as each finger in contact sees it."""
+    """Figure 15: the object's pose error as each finger in contact sees it, and the true one."""
     figure, (left, right) = panels(1, 2)
+    true = object_error_true(log) if log.dynamic else None
     for axes, part, title, label in (
         (left, 0, "Object position error", "‖position error‖ [m]"),
         (right, 1, "Object orientation error", "‖orientation error‖ [rad]"),
@@ -86,8 +90,12 @@ def object_error(log: Log) -> Figure:
                 log.t, errors[:, i], color=COLORS[i % len(COLORS)], label=name,
                 linestyle=DASHES[(i // len(COLORS)) % len(DASHES)],
             )  # fmt: skip
-        log_axis(axes, [errors])
-    _legend_below(figure, left, len(log.contact_names))
+        shown = [errors]
+        if true is not None:
+            shown.append(above_zero(true[part]))
+            axes.plot(log.t, shown[1], color=TRUE, linewidth=1.6, label="the object itself")
+        log_axis(axes, shown)
+    _legend_below(figure, left, len(log.contact_names) + (true is not None))
     return figure
 
 
