@@ -64,48 +64,55 @@ def _local(points: Array, pose: Array) -> Array:
     return out
 
 
-def _touching(kin: ExtendedKinematics, mode: IntArray, q: Array, feet: _Feet, pose: Array) -> Array:
-    """Bring `kin` to q with every finger seeing the object at a pose; its pivots R_FC."""
+def _touching(kin: ExtendedKinematics, state: ContactState, q: Array, pose: Array) -> ContactState:
+    """Bring `kin` to q with every finger seeing the object at a pose, and the state of that."""
     n, reference = kin.grasp.count, _pose(pose, kin.grasp)
-    free = ContactState(np.zeros(n, dtype=np.int64), feet.xi, np.tile(np.eye(3), (n, 1, 1)),
-                        feet.face)  # fmt: skip
-    kin.update(q, free, reference)
+    kin.update(q, state._replace(mode=np.zeros(n, dtype=np.int64)), reference)
     pivot = np.array([kin.touch(i) for i in range(n)]).reshape(n, 3, 3)
-    kin.update(q, free._replace(mode=mode, pivot=pivot), reference)
-    return pivot
+    state = state._replace(pivot=pivot)
+    kin.update(q, state, reference)
+    return state
 
 
 @final
 class _Feet:
-    """Chart coordinates of surface points nearest to points that move.
-
-    Attributes:
-        xi, face: (N, 2), (N,) of the last points.
-    """
+    """Chart coordinates of surface points nearest to points that move."""
 
     def __init__(self, surface: Surface, count: int) -> None:
         self._surface = surface
         self._records: Array = np.full((count, 6, 3), np.nan)
-        self.xi: Array = np.zeros((count, 2))
-        self.face: IntArray = np.zeros(count, dtype=np.int64)
+        self._xi: Array = np.zeros((count, 2))
+        self._face: IntArray = np.zeros(count, dtype=np.int64)
 
-    def to(self, points: Array) -> None:
-        """points: (N, 3) in the object frame [m]."""
+    def at(self, points: Array, mode: IntArray) -> ContactState:
+        """Contacts at the feet of points (N, 3) in the object frame [m]; pivots not known yet."""
+        self._follow(points)
+        none = np.zeros_like(points)
+        turn = np.tile(np.eye(3), (len(points), 1, 1))
+        return ContactState(mode, self._xi.copy(), turn, self._face.copy(), none)
+
+    def found(self, points: Array, mode: IntArray) -> ContactState:
+        """The same, what the points are beside their feet taken for where the surface was found."""
+        state = self.at(points, mode)
+        return state._replace(shift=points - self._records[:, POINT])
+
+    def _follow(self, points: Array) -> None:
         if self._surface.planar:
             points = points * (1.0, 1.0, 0.0)
         started = bool(np.isfinite(self._records).all())
         if started:
-            follow(self._surface, points, self.xi, self.face, self._records)
+            follow(self._surface, points, self._xi, self._face, self._records)
         for i, p in enumerate(points):
             if started and self._there(i, p):
                 continue
-            self.xi[i], self.face[i] = self._surface.project(p)
-            self._records[i] = self._surface.charts(self.xi[i : i + 1], self.face[i])[0]
+            self._xi[i], self._face[i] = self._surface.project(p)
+            self._records[i] = self._surface.charts(self._xi[i : i + 1], self._face[i])[0]
 
     def _there(self, i: int, p: Array) -> bool:
         gap, c_u, c_v = p - self._records[i, POINT], self._records[i, D_U], self._records[i, D_V]
         beside = max(abs(gap @ c_u) / np.linalg.norm(c_u), abs(gap @ c_v) / np.linalg.norm(c_v))
-        return bool(beside < _ASTRAY and self._surface.margin(self.xi[i], int(self.face[i])) >= 0.0)
+        inside = self._surface.margin(self._xi[i], int(self._face[i])) >= 0.0
+        return bool(inside and beside < _ASTRAY)
 
 
 @final
@@ -120,11 +127,10 @@ class _Knows:
     def error(self, log: Log, k: int) -> Array:
         """(N, 2) position [m] and orientation [rad]; NaN where free."""
         kin, mode, commanded = self._kin, log.contact_mode[k], log.object_pose[k]
-        self._feet.to(_local(log.contact_points[k], commanded))
-        pivot = _touching(kin, mode, log.q[k], self._feet, commanded)
+        state = self._feet.found(_local(log.contact_points[k], commanded), mode)
+        state = _touching(kin, state, log.q[k], commanded)
         # how far pads are pressed is not recorded: it drops out of the difference
         pressed = kin.position - commanded[:3]
-        state = ContactState(mode, self._feet.xi, pivot, self._feet.face)
         kin.update(log.q_meas[k], state, _pose(log.object_pose_ref[k], kin.grasp))
         found = np.column_stack((
             np.linalg.norm(kin.error[:, :3] + pressed, axis=1),
@@ -158,8 +164,8 @@ class _Truth:
         kin.robot.update(log.q_meas[k])
         tips = _local(kin.robot.position[: kin.grasp.count], true)
         planned = _local(log.contact_points[k], log.object_pose[k])
-        self._feet.to(np.where((mode != 0)[:, None], tips, planned))
-        _touching(kin, mode, log.q_meas[k], self._feet, true)
+        contacts = self._feet.at(np.where((mode != 0)[:, None], tips, planned), mode)
+        _touching(kin, contacts, log.q_meas[k], true)
         stack.evaluate(kin, [None] * count, [True] * count)
         residuals = equilibrium_residuals(
             kin.charts[:, 0], kin.frame[:, :, 2], np.asarray(kin.grasp.share)
