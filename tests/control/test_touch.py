@@ -10,8 +10,9 @@ import pytest
 from wbc.contact.grasp import ContactMode, ContactState, Grasp
 from wbc.contact.surfaces import Box, Cylinder, Sphere, Surface
 from wbc.control.phases import SURE
+from wbc.control.phases import _sensed as sensed
 from wbc.control.state import ControllerState, Measurement, TickRecord
-from wbc.control.touch import displacement, found
+from wbc.control.touch import Felt, displacement, found
 from wbc.rotations import exp_so3
 from wbc.scenario import load
 from wbc.scenario.build import Assembly, build
@@ -227,6 +228,17 @@ def test_pressing_is_waited_for(ball: Assembly) -> None:
     assert grip < 200
     lift = next(k for k, (_, s) in enumerate(run) if s.phase.current == run[0][1].phase.current + 2)
     assert 600 + SURE - 1 <= lift <= 600 + SURE + 1
+
+
+def test_where_no_forces_are_planned_no_press_is_enough(ball: Assembly) -> None:
+    """A first tick without a feasible plan has forces of 0: the object must not be lifted on them."""
+    phase = ball.controller.phases.phases[3]
+    assert phase.name == "grip" and phase.until.press == 0.7
+    state = closing(ball).phase._replace(current=3)
+    kin = ball.controller.law.kin
+    felt = Felt(np.full(6, 5.0), np.zeros((6, 3)))
+    for planned, steady in ((np.zeros(6), 0), (np.full(6, 2.0), 1), (None, 0)):
+        assert sensed(phase, state, kin, felt, planned).steady == steady
 
 
 def test_the_ideal_robot_touches_where_the_surface_is_believed(ball: Assembly) -> None:

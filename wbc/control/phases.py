@@ -311,7 +311,7 @@ def _sensed(
     until, n = phase.until, len(felt.press)
     if until.press is not None and planned is not None:
         holds = phase.mode == ContactMode.FIXED
-        up = bool((felt.press >= until.press * planned)[holds].all())
+        up = bool(((felt.press >= until.press * planned) & (planned > 0.0))[holds].all())
         state = state._replace(steady=state.steady + 1 if up else 0)
     if until.touch is None:
         return state
