@@ -231,7 +231,7 @@ def test_pressing_is_waited_for(ball: Assembly) -> None:
 
 
 def test_where_no_forces_are_planned_no_press_is_enough(ball: Assembly) -> None:
-    """A first tick without a feasible plan has forces of 0: the object must not be lifted on them."""
+    """A first tick without a feasible plan has forces of 0: no object is to be lifted on them."""
     phase = ball.controller.phases.phases[3]
     assert phase.name == "grip" and phase.until.press == 0.7
     state = closing(ball).phase._replace(current=3)
