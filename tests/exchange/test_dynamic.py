@@ -119,6 +119,21 @@ def test_the_bar_is_passed_on_the_compliant_engine_as_in_mujoco() -> None:
     assert facts["slip_max_m"] < 2e-4 and facts["contact_lost_s"] <= 0.03
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("step", "slack"), [("1 ms", 1.4), ("0.5 ms", 0.8), ("0.25 ms", 0.7)])
+def test_mujoco_comes_to_what_the_compliant_engine_does(step: str, slack: float) -> None:
+    """Twice what is asked of that one, and with the step more and more what it gives; at 1 ms all
+    but the forces as tips 3, 4 come down, on an object that has slipped by 0.1 mm."""
+    pytest.importorskip("mujoco")
+    log = exchanged({"simulation.engine": "mujoco", "simulation.physics.step": step})
+    found = figures(log, "approach", "touch", "slide", "hand_over")
+    assert found.position <= slack * 0.2 and found.angle <= slack * 0.1
+    assert (found.force <= slack * np.array([0.2, 0.2, 0.6, 0.6])).all()
+    facts = outcome(log)
+    assert facts["success"] and not facts["dropped"]
+    assert facts["slip_max_m"] < slack * 2e-4 and facts["contact_lost_s"] <= 0.012
+
+
 def test_a_push_disturbs_and_a_fixture_holds_on_the_compliant_engine() -> None:
     push = "{pushes: [{at: 0.1 s, force: [5 N, 0 N, 0 N], over: 0.1 s}]}"
     ways = []

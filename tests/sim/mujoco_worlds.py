@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.sim.worlds import pads
 from wbc.arrays import Array
 from wbc.contact.surfaces import Surface
 from wbc.contact.surfaces.box import Box
@@ -49,7 +50,7 @@ def model(
     return build_mujoco(
         robot,
         tips,
-        np.full(n, PAD),
+        pads(n, PAD),
         surface,
         FreeBody(mass, np.array(com), np.array(inertia)),
         Physics(**{**given, **other}),

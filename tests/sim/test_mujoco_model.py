@@ -260,12 +260,6 @@ def test_overrides_reach_the_model(tmp_path: Path) -> None:
     assert FAR[2] + top.pos[2] + top.size[2] == pytest.approx(0.1)
 
 
-def test_planar_contours_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(WbcError, match="no planar contours") as refusal:
-        model(stools(tmp_path), ["tip_0"], SURFACES["circle"](radius=0.1))
-    assert "\n" not in str(refusal.value)
-
-
 def test_what_mujoco_refuses_is_one_line(tmp_path: Path) -> None:
     robot = stools(tmp_path)
     weightless = tmp_path / "weightless.urdf"

@@ -87,7 +87,7 @@ def _plant(
         sliding_friction=wrong.friction * physics.sliding_friction,
     )
     if scenario.simulation.engine == "mujoco":
-        return _mujoco(scenario, model, grasp.rest_length, tips, surface, body, physics)
+        return _mujoco(scenario, model, true_pads(scenario, grasp), tips, surface, body, physics)
     pads, fixture = true_pads(scenario, grasp), _release(scenario) is not None
     return CompliantPlant(model, tips, surface, body, pads, physics, fixture=fixture)
 
@@ -124,7 +124,7 @@ def true_physics(scenario: Scenario, model: RobotModel, grasp: Grasp) -> Physics
 
 
 def _mujoco(
-    scenario: Scenario, model: RobotModel, pads: Array, tips: tuple[str, ...], surface: Surface,
+    scenario: Scenario, model: RobotModel, pads: Pads, tips: tuple[str, ...], surface: Surface,
     body: FreeBody, physics: Physics,
 ) -> Plant:  # fmt: skip
     given = scenario.simulation.physics

@@ -20,8 +20,10 @@ from wbc.errors import WbcError
 from wbc.robot.model import RobotModel
 from wbc.robot.urdf_joint import TURNS
 from wbc.sim.compliant import FreeBody, Physics
+from wbc.sim.mujoco_plane import BALL, Plates, add_contour, add_plates, found
 from wbc.sim.mujoco_shapes import add_object, add_shape, mujoco
 from wbc.sim.mujoco_table import TABLE, TABLE_BIT, Table, add_table
+from wbc.sim.pads import Pads
 
 OBJECT, FIXTURE = "object", "fixture"
 """Names of bodies and geoms beside those of the robot."""
@@ -74,11 +76,13 @@ class MujocoModel:
             and qvel.
         motor: (nv,) places of the independent joints' motors in ctrl.
         object_body: index of the object's body.
-        object_position, object_velocity: first places of its free joint in qpos and qvel.
-        object_geom, pad_geom: index of its geom; (N,) those of the pads. Contacts on the same frame
-            share a pad.
+        object_position, object_velocity: first places of its joints in qpos and qvel: a free joint,
+            or in the plane x, y and the angle.
+        object_geom, pad_geom: (N,) the object's geom that a contact is on, and its pad. Contacts on
+            the same frame share a pad.
         pad_body: (N,) the bodies that carry them.
         sliding_friction: (N,) μ of tips that slide on purpose.
+        plates: what the pads press on in the plane; None in space.
         fixture: index of the weld that holds the object.
         fixture_body: index in mocap_pos of the body that it is welded to.
         table_body: index in mocap_pos of the table, below 0 where there is none.
@@ -93,10 +97,11 @@ class MujocoModel:
     object_body: int
     object_position: int
     object_velocity: int
-    object_geom: int
+    object_geom: IntArray
     pad_geom: IntArray
     pad_body: IntArray
     sliding_friction: Array
+    plates: Plates | None
     fixture: int
     fixture_body: int
     table_body: int
@@ -115,7 +120,7 @@ def rotor_defaults(robot: RobotModel) -> tuple[Array, Array]:
 def build_mujoco(
     robot: RobotModel,
     tips: Sequence[str],
-    pads: Array,
+    pads: Pads,
     surface: Surface,
     body: FreeBody,
     physics: Physics,
@@ -133,12 +138,13 @@ def build_mujoco(
 
     Args:
         tips: (N) frame of each contact's tip.
-        pads: (N,) radius of each pad, [m].
+        pads: (N,) of the contacts. In space their rest length is the radius of a round pad, and the
+            settings say how hard it is; in the plane they are the springs of `wbc.sim.pads`.
         body: an inertia of zeros stands for that of a body of even density.
 
     Raises:
-        WbcError: mujoco is not installed; the object is a planar contour; a post of the table has
-            nothing to bear; MuJoCo refuses a body.
+        WbcError: mujoco is not installed; a post of the table has nothing to bear; MuJoCo refuses
+            a body.
     """
     mj = mujoco()
     spec = mj.MjSpec()
@@ -148,17 +154,24 @@ def build_mujoco(
     _drive(mj, spec, robot, physics, settings.torque)
     hand = _hand_of_joints(robot, tips)
     _shapes(mj, spec, robot, bodies, hand, _last_joints(robot, tips))
-    _pads(mj, robot, bodies, tips, pads, hand, physics.friction, settings)
-    add_object(mj, spec, OBJECT, surface, body, OBJECT_BIT)
+    radius = np.full(len(tips), BALL) if surface.planar else pads.rest_length
+    _pads(mj, robot, bodies, tips, radius, hand, physics.friction, settings)
     friction = float(np.max(physics.friction, initial=0.0)) or 1.0
-    spec.geom(OBJECT).friction = [friction, settings.torsion, 1e-4]
+    if surface.planar:
+        for geom in spec.geoms:  # what touches whom is said by pairs alone
+            geom.contype = geom.conaffinity = 0
+        add_contour(mj, spec, OBJECT, body)
+        add_plates(mj, spec, OBJECT, tips, physics.friction)
+    else:
+        add_object(mj, spec, OBJECT, surface, body, OBJECT_BIT)
+        spec.geom(OBJECT).friction = [friction, settings.torsion, 1e-4]
     _fixture(mj, spec)
     if settings.table is not None:
         add_table(
             mj, spec, settings.table, surface, friction, settings.solref, settings.solimp,
             OBJECT_BIT,
         )  # fmt: skip
-    return _compiled(mj, spec, robot, tips, physics.sliding_friction)
+    return _compiled(mj, spec, robot, tips, physics.sliding_friction, surface, pads)
 
 
 def _options(mj: Any, spec: Any, robot: RobotModel, step: float, settings: MujocoSettings) -> None:
@@ -321,8 +334,9 @@ def _fixture(mj: Any, spec: Any) -> None:
 
 
 def _compiled(
-    mj: Any, spec: Any, robot: RobotModel, tips: Sequence[str], sliding: Array
-) -> MujocoModel:
+    mj: Any, spec: Any, robot: RobotModel, tips: Sequence[str], sliding: Array, surface: Surface,
+    made: Pads,
+) -> MujocoModel:  # fmt: skip
     try:
         model = spec.compile()
     except ValueError as error:
@@ -339,6 +353,8 @@ def _compiled(
     pads = np.array([index(kinds.mjOBJ_GEOM, f"pad {tip}") for tip in tips], dtype=np.int64)
     free = index(kinds.mjOBJ_JOINT, OBJECT)
     table = index(kinds.mjOBJ_BODY, TABLE)
+    plates = found(mj, model, surface, made, tips, pads) if surface.planar else None
+    whole = np.full(len(tips), index(kinds.mjOBJ_GEOM, OBJECT))
     motors = [index(kinds.mjOBJ_ACTUATOR, name) for name in robot.joint_names]
     return MujocoModel(
         robot=robot,
@@ -350,10 +366,11 @@ def _compiled(
         object_body=index(kinds.mjOBJ_BODY, OBJECT),
         object_position=int(model.jnt_qposadr[free]),
         object_velocity=int(model.jnt_dofadr[free]),
-        object_geom=index(kinds.mjOBJ_GEOM, OBJECT),
+        object_geom=whole if plates is None else plates.plate,
         pad_geom=pads,
         pad_body=np.array(model.geom_bodyid[pads], dtype=np.int64),
         sliding_friction=sliding,
+        plates=plates,
         fixture=index(kinds.mjOBJ_EQUALITY, FIXTURE),
         fixture_body=int(model.body_mocapid[index(kinds.mjOBJ_BODY, FIXTURE)]),
         table_body=-1 if table < 0 else int(model.body_mocapid[table]),

@@ -12,8 +12,9 @@ import pinocchio as pin
 from wbc.arrays import Array, BoolArray, IntArray
 from wbc.compiled import kernel
 from wbc.contact.grasp import ContactMode
-from wbc.rotations import cross
+from wbc.rotations import cross, exp_so3
 from wbc.sim.mujoco_model import OBJECT_BIT, MujocoModel, wxyz
+from wbc.sim.mujoco_plane import Followed
 from wbc.sim.mujoco_shapes import mujoco
 from wbc.sim.plant import Plant, Sensed
 
@@ -43,6 +44,8 @@ class MujocoPlant(Plant):
         self._friction: Array = np.array(self.model.geom_friction[model.pad_geom, 0])
         self._hold: BoolArray = np.ones(len(model.pad_geom), dtype=np.bool_)
         self._slip: Array = np.zeros(len(model.pad_geom))
+        self._off: BoolArray = np.zeros(len(model.pad_geom), dtype=np.bool_)
+        self._followed = None if model.plates is None else Followed(model.plates)
         warnings = self._mj.mjtWarning
         self._fatal = [int(kind) for kind in (
             warnings.mjWARN_BADQPOS, warnings.mjWARN_BADQVEL, warnings.mjWARN_BADQACC,
@@ -61,16 +64,22 @@ class MujocoPlant(Plant):
         data.qpos[where.position] = robot.full(q)
         data.qvel[where.velocity] = robot.ratio * np.asarray(v, dtype=np.float64)[robot.master]
         at = where.object_position
-        data.qpos[at : at + 3], data.qpos[at + 3 : at + 7] = position, wxyz(rotation)
+        if where.plates is not None:
+            angle = math.atan2(rotation[1, 0], rotation[0, 0])
+            data.qpos[at : at + 3] = position[0], position[1], angle
+        else:
+            data.qpos[at : at + 3], data.qpos[at + 3 : at + 7] = position, wxyz(rotation)
         for body in (where.fixture_body, where.table_body):
             if body >= 0:
-                data.mocap_pos[body] = data.qpos[at : at + 3]
-                data.mocap_quat[body] = data.qpos[at + 3 : at + 7]
+                data.mocap_pos[body], data.mocap_quat[body] = position, wxyz(rotation)
         data.eq_active[where.fixture] = self._fixture
         self._slip[:] = 0.0
         self._lost = False
         self.treat(np.full(len(self._hold), ContactMode.FIXED))
         self.disturb(np.zeros(3), np.zeros(len(self._hold), dtype=np.bool_))
+        if self._followed is not None:
+            self._followed.forget()
+            self._followed.place(self._mj, self.model, data, where.object_body, self._off)
         self._mj.mj_forward(self.model, data)
         return self._sensed(0.0)
 
@@ -78,7 +87,10 @@ class MujocoPlant(Plant):
         """See `Plant.treat`."""
         self._hold = mode == ContactMode.FIXED
         mu = np.where(mode == ContactMode.SLIDING, self._map.sliding_friction, self._friction)
-        self.model.geom_friction[self._map.pad_geom, 0] = mu
+        if self._map.plates is not None:
+            self.model.pair_friction[self._map.plates.pair, :2] = mu[:, None]
+        else:
+            self.model.geom_friction[self._map.pad_geom, 0] = mu
 
     def release(self) -> None:
         """As `Plant.release`."""
@@ -90,6 +102,7 @@ class MujocoPlant(Plant):
         body = where.object_body
         arm = data.xpos[body] - data.xipos[body]
         data.xfrc_applied[body] = [*push, *np.cross(arm, push)]
+        self._off = np.array(lost)
         gone = where.pad_geom[lost]
         self.model.geom_conaffinity[where.pad_geom] = where.model.geom_conaffinity[where.pad_geom]
         self.model.geom_conaffinity[gone] &= ~OBJECT_BIT
@@ -101,22 +114,40 @@ class MujocoPlant(Plant):
         self._lost = self._lost or not np.isfinite(tau).all()
         if not self._lost:
             self.data.ctrl[self._map.motor] = tau
-            self._mj.mj_step(self.model, self.data, nstep=steps)
+            self._advance(steps)
             self._lost = bool(self.data.warning.number[self._fatal].any())
         return _no_numbers(self._map) if self._lost else self._sensed(dt)
+
+    def _advance(self, steps: int) -> None:
+        if self._followed is None:
+            self._mj.mj_step(self.model, self.data, nstep=steps)
+            return
+        for _ in range(steps):
+            self._followed.place(self._mj, self.model, self.data, self._map.object_body, self._off)
+            self._mj.mj_step(self.model, self.data)
+
+    def _object(self) -> tuple[Array, Array]:
+        """Its position (3,) and rotation (3, 3)."""
+        where, qpos = self._map, self.data.qpos
+        at = where.object_position
+        if where.plates is not None:
+            x, y, angle = qpos[at : at + 3]
+            return np.array([x, y, 0.0]), exp_so3(np.array([0.0, 0.0, angle]))
+        w, x, y, z = qpos[at + 3 : at + 7]
+        turned: Array = pin.Quaternion(w, x, y, z).normalized().toRotationMatrix()
+        return np.array(qpos[at : at + 3]), turned
 
     def _sensed(self, dt: float) -> Sensed:
         where, data = self._map, self.data
         own = where.robot.own
         force = self._contacts(dt)
-        at = where.object_position
-        w, x, y, z = data.qpos[at + 3 : at + 7]
+        position, rotation = self._object()
         return Sensed(
             q=np.array(data.qpos[where.position[own]]),
             v=np.array(data.qvel[where.velocity[own]]),
             force=force,
-            object_position=np.array(data.qpos[at : at + 3]),
-            object_rotation=pin.Quaternion(w, x, y, z).normalized().toRotationMatrix(),
+            object_position=position,
+            object_rotation=rotation,
             slip=np.array(self._slip),
         )
 
@@ -136,7 +167,7 @@ class MujocoPlant(Plant):
 
 @kernel
 def _gathered(
-    geom: Any, frame: Array, pos: Array, address: Any, solved: Array, thing: int,
+    geom: Any, frame: Array, pos: Array, address: Any, solved: Array, thing: IntArray,
     pad_geom: IntArray, pad_body: IntArray, object_body: int, root: Any, com: Array, twist: Array,
     dt: float, hold: BoolArray, force: Array, slip: Array,
 ) -> None:  # fmt: skip
@@ -149,34 +180,32 @@ def _gathered(
         geom, address: (n, 2) geoms of each contact, (n,) its first row in `solved`, below 0: none.
         frame, pos: (n, 9) axes, (n, 3) places of the contacts, world.
         solved: forces of all constraints.
+        thing, pad_geom: (N,) geom of the object that each contact is on, and that of its pad.
         root, com, twist: MuJoCo's body_rootid, subtree_com and cvel.
         force, slip: (N, 3) [N] and (N,) [m], added to.
     """
-    on_object, across, relative = np.empty(3), np.empty(2), np.empty(3)
+    across, relative = np.empty(2), np.empty(3)
     for c in range(geom.shape[0]):
-        second = geom[c, 1] == thing
-        if address[c] < 0 or not (second or geom[c, 0] == thing):
-            continue
-        other, first, row = geom[c, 0] if second else geom[c, 1], -1, address[c]
+        row = address[c]
         for i in range(pad_geom.shape[0]):
-            if pad_geom[i] != other:
+            second = geom[c, 1] == thing[i]
+            mine = geom[c, 0] if second else geom[c, 1]
+            if row < 0 or mine != pad_geom[i] or not (second or geom[c, 0] == thing[i]):
                 continue
-            if first < 0:
-                first = i
-                for r in range(3):
-                    on_object[r] = (
-                        frame[c, r] * solved[row]
-                        + frame[c, 3 + r] * solved[row + 1]
-                        + frame[c, 6 + r] * solved[row + 2]
-                    ) * (1.0 if second else -1.0)
+            for r in range(3):
+                on_second = (
+                    frame[c, r] * solved[row]
+                    + frame[c, 3 + r] * solved[row + 1]
+                    + frame[c, 6 + r] * solved[row + 2]
+                )
+                force[i, r] += on_second if second else -on_second
+            if hold[i] and solved[row] > 0.0:
                 relative[:] = _velocity(pad_body[i], pos[c], root, com, twist)
                 relative -= _velocity(object_body, pos[c], root, com, twist)
                 for k in range(2):
                     across[k] = 0.0
                     for r in range(3):
                         across[k] += frame[c, 3 + 3 * k + r] * relative[r]
-            force[i] += on_object
-            if hold[i] and solved[row] > 0.0:
                 slip[i] += dt * math.sqrt(across[0] * across[0] + across[1] * across[1])
 
 

@@ -72,11 +72,7 @@ def _as_mesh(mj: Any, spec: Any, geom: Any, points: Array) -> None:
 
 
 def add_object(mj: Any, spec: Any, name: str, surface: Surface, body: FreeBody, bit: int) -> None:
-    """The object as a free body, `bit` being what hands collide with.
-
-    Raises:
-        WbcError: a planar contour.
-    """
+    """The object, no contour, as a free body, `bit` being what hands collide with."""
     thing = spec.worldbody.add_body(name=name)
     thing.add_freejoint(name=name)
     geom = thing.add_geom(name=name, contype=bit, conaffinity=0, condim=4)
@@ -90,9 +86,6 @@ def add_object(mj: Any, spec: Any, name: str, surface: Surface, body: FreeBody, 
         geom.type, geom.size = kinds.mjGEOM_SPHERE, [surface.radius, 0.0, 0.0]
     elif isinstance(surface, Spheroid):
         geom.type, geom.size = kinds.mjGEOM_ELLIPSOID, surface.half_axes
-    elif surface.planar:
-        kind = type(surface).__name__
-        raise WbcError(f"the engine 'mujoco' has no planar contours ({kind}); take 'compliant'")
     else:
         _as_mesh(mj, spec, geom, surface.mesh(_MESH)[0])
     thing.explicitinertial = True
