@@ -89,6 +89,19 @@ def test_without_mujoco_the_run_says_what_to_install(
     assert "pip install 'wbc[mujoco]'" in errors and "Traceback" not in errors
 
 
+def test_a_table_is_of_space() -> None:
+    with pytest.raises(ScenarioError, match="an object in the plane lies on nothing"):
+        load("planar_exchange_dynamic", {f"{PHYSICS}.table": "{height: 0.1 m}"})
+
+
+def test_the_compliant_engine_holds_what_lies_on_a_table_until_it_is_moved() -> None:
+    assembly = _assembly(simulation__engine="compliant")
+    dynamics = build_dynamics(assembly)
+    names = [phase.name for phase in assembly.controller.phases.phases]
+    assert dynamics is not None and dynamics.release == names.index("lift")
+    assert _plant(_assembly())[0].release is None
+
+
 @cache
 def _whole(name: str) -> tuple[Assembly, list[tuple[TickRecord, DynamicsRecord]], bool]:
     """A run to its end, and whether its last phase was done."""

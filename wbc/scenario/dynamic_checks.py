@@ -31,6 +31,9 @@ def check_dynamics(data: dict[str, Any], faults: Faults) -> None:
     table = physics.get("table")
     if isinstance(table, dict) and table.get("height") is None and not listing(table.get("posts")):
         faults.add(("simulation", "physics", "table"), "needs a 'height', 'posts' or both")
+    position = listing(mapping(mapping(data.get("object")).get("pose")).get("position"))
+    if table is not None and len(position) == 2:
+        faults.add(("simulation", "physics", "table"), "an object in the plane lies on nothing")
     if isinstance(physics.get("fixture"), str):
         names = [str(mapping(phase).get("name")) for phase in listing(data.get("phases"))]
         if physics["fixture"] not in names:
