@@ -19,7 +19,7 @@ from wbc.control.law import CostForecast, Law, Locks, Motion, Sight, moved
 from wbc.control.limiting import Guarded, finite, guarded, solved, within_limits
 from wbc.control.observe import Seen, observe
 from wbc.control.pace import paced
-from wbc.control.phases import PhaseSequence
+from wbc.control.phases import PhaseSequence, unsupported
 from wbc.control.places import handed_over, moving, ready
 from wbc.control.references import References, led
 from wbc.control.state import ControllerState, Measurement, PhaseState, Status, TickRecord
@@ -100,17 +100,23 @@ class Controller:
         self._tips = tuple(k for k in range(len(self.task_names)) if k not in self._priority)
 
     def step(
-        self, state: ControllerState, measurement: Measurement | None = None, pace: float = 1.0
+        self,
+        state: ControllerState,
+        measurement: Measurement | None = None,
+        pace: float = 1.0,
+        bears: BoolArray | None = None,
     ) -> tuple[TickRecord, ControllerState]:
         """One tick. Never raises on numbers: what gave way is in the record's status.
 
         Args:
             pace: share of their speed with which references, tasks and costs move on, in [0, 1];
                 to change smoothly. The object stays held; at 0 no phase begins.
+            bears: (N,) fingers that are felt to press as planned: no phase that lets a finger go
+                begins without those that are to hold the object then. None: it is not known.
         """
         t, dt = state.tick * self.settings.dt, self.settings.dt
         state = state._replace(phase=paced(state.phase, t, dt, pace))
-        state, seen = self._situation(t, state, measurement)  # phase, tasks, costs
+        state, seen = self._situation(t, state, measurement, bears)  # phase, tasks, costs
         here = guarded(state.q, state.contact, self.law.kin.grasp, self.settings.bounds)
         motion, locks = solved(
             self.law, state.level_order, self._levels(state.activation), here, dt
@@ -228,7 +234,11 @@ class Controller:
         return state._replace(stack=state.stack._replace(wanted=mask))
 
     def _situation(
-        self, t: float, state: ControllerState, measurement: Measurement | None
+        self,
+        t: float,
+        state: ControllerState,
+        measurement: Measurement | None,
+        bears: BoolArray | None,
     ) -> tuple[ControllerState, Seen]:
         """Everything at t; where a phase begins at t, evaluated again under it."""
         state = self._reordered(state)
@@ -244,6 +254,9 @@ class Controller:
             felt = self.touch.read(self.law.kin, measurement)
             planned = None if state.forces is None else state.forces.c[:, 2]
         change = self.phases.advance(state.phase, t, self.law.kin, seen, felt, planned)
+        if change.entered and unsupported(state.contact.mode, change.contact.mode, bears):
+            self._evaluate(t, state.q, state.contact, state, self._active(state))
+            return state._replace(phase=state.phase._replace(waits=True)), seen
         if not change.entered:
             if change.phase is not state.phase:
                 state = state._replace(phase=change.phase)
@@ -353,10 +366,7 @@ class Controller:
     ) -> TickRecord:  # fmt: skip
         if sight.independence < _NEAR_SINGULAR:
             status |= Status.NEAR_SINGULAR
-        if state.phase.timeouts:
-            status |= Status.PHASE_TIMEOUT
-        if state.phase.done:
-            status |= Status.DONE
+        status |= state.phase.status
         return TickRecord(
             t=t,
             q=state.q.copy(),

@@ -43,7 +43,10 @@ _HUGE = 1e9
 
 
 class TorqueStatus(IntFlag):
-    """What gave way in the second stage; 0 when nothing did."""
+    """What gave way in the second stage or was found by its watchdogs; 0 when nothing was.
+
+    From BAD_MEASUREMENT on, but for BAD_COMMAND, see `wbc.control.watch`.
+    """
 
     OK = 0
     SATURATED = 1
@@ -51,9 +54,27 @@ class TorqueStatus(IntFlag):
     INTEGRAL_LIMIT = 2
     """An integrator stands at its bound."""
     BAD_MEASUREMENT = 4
-    """A measurement is missing, no number or of the wrong size: the last torques are held."""
+    """A reading is missing, no number, of the wrong size or absurd: the last one goes on."""
     BAD_COMMAND = 8
     """The first stage asks for what is no number: the last torques are held."""
+    BLIND = 16
+    """That lasts: all stands still, as planned, until the sensor is back."""
+    FROZEN = 32
+    """A sensor says the very same while something moves: as if it were not there."""
+    LATE = 64
+    """A measurement came later than half a tick after its time; if more do, all stands still."""
+    STALE = 128
+    """A measurement's time stamp is not after the last one's: it is not used."""
+    TRACKING = 256
+    """A joint is far from its reference: all goes slower, or stands still."""
+    CONTACT_LOST = 512
+    """A finger that is to press is not felt: all stands still until it is."""
+    OVERLOADED = 1024
+    """Joints stay at their torque limits: all goes slower."""
+    SLOWED = 2048
+    """References go slower than planned."""
+    HELD = 4096
+    """References stand still; phases and their timeouts wait."""
 
 
 @dataclass(frozen=True)

@@ -144,6 +144,20 @@ class Transition(NamedTuple):
     timed_out: bool
 
 
+def unsupported(before: IntArray, after: IntArray, bears: BoolArray | None) -> bool:
+    """Whether a change of modes would let go of an object that is not felt to be held then.
+
+    Args:
+        before, after: (N,) ContactMode.
+        bears: (N,) fingers that press as planned; None: it is not known, and taken as given.
+    """
+    free, holds = ContactMode.FREE, after == ContactMode.FIXED
+    if bears is None or not holds.any() or not ((before != free) & (after == free)).any():
+        return False
+    holds &= before != free  # who only touches then holds nothing yet
+    return not holds.any() or not bears[holds].all()
+
+
 @final
 @dataclass(frozen=True)
 class PhaseSequence:
@@ -226,6 +240,7 @@ class PhaseSequence:
         """
         if state.done or state.stopped:
             return Transition(state, kin.state, False, False)
+        state = state._replace(waits=False) if state.waits else state
         phase = self.phases[state.current]
         if felt is not None:
             state = _sensed(phase, state, kin, felt, planned)

@@ -34,6 +34,8 @@ class Status(IntFlag):
     """Every phase has ended; the last references are held."""
     AT_EDGE = 128
     """A sliding contact was kept from going over the edge of its face."""
+    UNSUPPORTED = 256
+    """A phase in which a finger lets go waits: those that are to hold the object do not press."""
 
 
 class Measurement(NamedTuple):
@@ -43,11 +45,13 @@ class Measurement(NamedTuple):
         q: (nv,) measured joint positions, [rad] or [m].
         v: (nv,) measured joint velocities; None where nothing is measured but positions.
         force: (N, 3) force of each fingertip on the object, world axes [N]; None likewise.
+        stamp: when it was measured, on any steady clock [s]; None where that is not known.
     """
 
     q: Array
     v: Array | None = None
     force: Array | None = None
+    stamp: float | None = None
 
 
 class PhaseState(NamedTuple):
@@ -63,6 +67,7 @@ class PhaseState(NamedTuple):
         felt: by finger, ticks in a row in which it has felt what it is to touch; empty before the
             first. Once it is sure, it stays so for the phase.
         steady: ticks in a row in which the fingers that hold press as `until.press` asks.
+        waits: the next phase would let go of an object that no one else is felt to hold.
     """
 
     current: int
@@ -73,6 +78,17 @@ class PhaseState(NamedTuple):
     timeouts: tuple[str, ...]
     felt: tuple[int, ...] = ()
     steady: int = 0
+    waits: bool = False
+
+    @property
+    def status(self) -> Status:
+        """What the sequence has to say in a tick."""
+        found = Status.UNSUPPORTED if self.waits else Status.OK
+        if self.timeouts:
+            found |= Status.PHASE_TIMEOUT
+        if self.done:
+            found |= Status.DONE
+        return found
 
 
 class ForceState(NamedTuple):

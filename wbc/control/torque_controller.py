@@ -6,15 +6,18 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from wbc.arrays import Array
+from wbc.arrays import Array, BoolArray
+from wbc.contact.grasp import ContactMode
 from wbc.control.controller import Controller
 from wbc.control.force_control import Command, ForceControl, Goal, TorqueState
-from wbc.control.set_points import SetPoints
+from wbc.control.readings import Readings
+from wbc.control.set_points import SetPoints, balanced
 from wbc.control.state import ControllerState, DynamicsRecord, Measurement, TickRecord
+from wbc.control.watch import PRESSING, View, Watch, WatchSettings, WatchState
 
-_BRIDGED = 5
-"""Ticks without joint positions after which the first stage is told, and brakes at once: a
-reference that stops and starts within a tick asks more of the joints than a gap of some ticks."""
+_SEEKING = 0.01  # [m/s] at which a finger looks for an object that it has lost
+_FURTHEST = 0.008  # [m] that it goes
+_PART = 0.2  # of its planned force with which a finger feels for an object that it has lost
 
 
 class LoopState(NamedTuple):
@@ -23,12 +26,14 @@ class LoopState(NamedTuple):
     Attributes:
         first: of the first stage.
         second: of the second.
-        blind: ticks in a row without joint positions.
+        watch: of the watchdogs.
+        sought: (N,) how far fingers have gone inward in this phase to look for a contact [m].
     """
 
     first: ControllerState
     second: TorqueState
-    blind: int
+    watch: WatchState
+    sought: Array
 
 
 class LoopTick(NamedTuple):
@@ -55,14 +60,24 @@ class TorqueController:
     state is a value, and there are no threads, no clock and no files.
 
     Attributes:
-        first, second, set_points: the parts.
+        first, second, set_points, watch: the parts.
     """
 
-    def __init__(self, first: Controller, second: ForceControl, set_points: SetPoints) -> None:
+    def __init__(
+        self, first: Controller, second: ForceControl, set_points: SetPoints,
+        settings: WatchSettings | None = None,
+    ) -> None:  # fmt: skip
         """
         Args:
             set_points: planned forces where no optimizer plans them.
+            settings: of the watchdogs; as they stand where not given.
         """
+        limits, count = first.settings, first.law.kin.grasp.count
+        given = WatchSettings() if settings is None else settings
+        readings = Readings(
+            limits.lower, limits.upper, limits.velocity, count, given.bridged, given.frozen
+        )
+        self.watch = Watch(given, readings, second.fingers, count)
         self.first = first
         self.second = second
         self.set_points = set_points
@@ -73,41 +88,72 @@ class TorqueController:
         Args:
             start: of the first stage: `Controller.init`, or the `start` of a scenario's assembly.
         """
-        return LoopState(start, self.second.init(), 0)
+        none = np.zeros(self.first.law.kin.grasp.count)
+        return LoopState(start, self.second.init(), self.watch.init(), none)
 
     def step(self, state: LoopState, measurement: Measurement) -> tuple[LoopTick, LoopState]:
-        """One tick. Never raises on numbers: what gave way is in the record's statuses."""
-        blind = 0 if np.isfinite(measurement.q).all() else state.blind + 1
-        bridged = 0 < blind <= _BRIDGED  # the second stage holds its torques, the references go on
-        seen = measurement._replace(q=state.first.q) if bridged else measurement
-        record, first = self.first.step(state.first, seen)
-        goal = self._goal(record, first, measurement.force)
-        command, second = self.second.step(state.second, goal, measurement, self.first.settings.dt)
-        tick = LoopTick(_logged(record, command, goal, measurement), command, goal)
-        return tick, LoopState(first, second, blind)
+        """One tick. Never raises on what is measured: what gave way is in the record's statuses."""
+        dt = self.first.settings.dt
+        view, watch = self.watch.look(state.watch, measurement, state.first.q, state.first.v, dt)
+        sought, way = self._sought(state, view.seeks, dt)
+        record, first = self.first.step(sought, view.measured, view.pace, view.bears)
+        goal = self._goal(record, first, view)
+        command, second = self.second.step(state.second, goal, view.measured, dt)
+        command = command._replace(status=command.status | view.status)
+        watch = self.watch.done(watch, goal, command.status)
+        tick = LoopTick(_logged(record, command, goal, watch), command, goal)
+        if record.phase != state.first.phase.current:
+            way = np.zeros_like(way)
+        return tick, LoopState(first, second, watch, way)
 
-    def _goal(self, record: TickRecord, state: ControllerState, found: Array | None) -> Goal:
+    def _sought(
+        self, state: LoopState, seeks: BoolArray, dt: float
+    ) -> tuple[ControllerState, Array]:
+        """The contact points of fingers that look for the object moved inward, up to a bound."""
+        if not seeks.any():
+            return state.first, state.sought
+        step = np.where(seeks, np.minimum(_SEEKING * dt, _FURTHEST - state.sought), 0.0)
+        contact = state.first.contact
+        inward = -self.first.law.kin.frame[:, :, 2]  # of the last tick, object frame
+        shift = contact.shift + step[:, None] * inward
+        return state.first._replace(contact=contact._replace(shift=shift)), state.sought + step
+
+    def _goal(self, record: TickRecord, state: ControllerState, view: View) -> Goal:
         """What the second stage is to follow in this tick."""
+        found, motion = view.measured.force, state.phase.motion
         if record.forces is not None:
             force = record.forces.force
         else:
-            force = self.set_points.at(record, state.phase.motion, found)
+            force = self.set_points.at(record, motion, found)
         arms = record.contact_points - record.object_position
+        if view.spare > 0.0:
+            mode = np.where(view.gone, ContactMode.FREE, record.mode)
+            if record.forces is None:
+                others = self.set_points.at(record._replace(mode=mode), motion, found)
+            else:
+                press = -np.einsum("ir,ir->i", record.contact_normals, force)
+                others = balanced(
+                    press, mode, arms, record.contact_normals, record.forces.wrench,
+                    self.first.law.kin.grasp.planar,
+                )  # fmt: skip
+            others[view.gone] = _feeling(force[view.gone])
+            force = force + view.spare * (others - force)
         return Goal(record.q, record.v, record.mode, arms, record.contact_normals, force)
 
 
-def _logged(record: TickRecord, command: Command, goal: Goal, measured: Measurement) -> TickRecord:
+def _feeling(force: Array) -> Array:
+    """Planned forces (k, 3) of fingers that have lost the object: a part, to feel for it."""
+    size = np.linalg.norm(force, axis=1, keepdims=True)
+    least = np.minimum(size, 2.0 * PRESSING)
+    part: Array = force * (np.maximum(_PART * size, least) / np.maximum(size, 1e-9))
+    return part
+
+
+def _logged(record: TickRecord, command: Command, goal: Goal, watch: WatchState) -> TickRecord:
     """The record with what was measured and commanded."""
-    q, force = record.q, goal.force
+    sensed, unknown = watch.readings, np.full((3, 3), np.nan)
+    slip = np.full(len(goal.force), np.nan)
     return record._replace(dynamics=DynamicsRecord(
-        command.tau, _like(force, measured.force), force, np.full(3, np.nan),
-        np.full((3, 3), np.nan), np.full(len(force), np.nan), _like(q, measured.q),
-        _like(q, measured.v), int(command.status),
+        command.tau, sensed.force, goal.force, unknown[0], unknown, slip, sensed.q, sensed.v,
+        int(command.status),
     ))  # fmt: skip
-
-
-def _like(wanted: Array, measured: Array | None) -> Array:
-    """A measurement as floats of a shape; NaN where it is missing or of another."""
-    if measured is None or np.shape(measured) != wanted.shape:
-        return np.full(wanted.shape, np.nan)
-    return np.asarray(measured, dtype=np.float64)

@@ -10,11 +10,21 @@ import pinocchio as pin
 
 from wbc.arrays import Array, BoolArray
 from wbc.control.force_control import TorqueStatus
+from wbc.control.state import Status
 from wbc.recording.log import Log
 from wbc.rotations import log_so3
 
 DROP: Final = (0.05, 0.6)
 """An object further from its reference than this, [m] and [rad], has been dropped."""
+
+_CAUSES: Final = (
+    TorqueStatus.BLIND
+    | TorqueStatus.FROZEN
+    | TorqueStatus.LATE
+    | TorqueStatus.STALE
+    | TorqueStatus.TRACKING
+    | TorqueStatus.CONTACT_LOST
+)
 
 _PRESSING = 0.1
 """Planned normal force from which on a finger is to touch, [N]: below, a touch only begins."""
@@ -74,7 +84,9 @@ def normal_forces(log: Log) -> tuple[Array, Array]:
 
 
 def dropped(log: Log) -> float | None:
-    """When the object was dropped, [s]; None if it never was."""
+    """When the object was dropped, [s]; None if it never was, or if nothing saw where it is."""
+    if not np.isfinite(log.object_pose_true).any():
+        return None
     way, angle = object_error_true(log)
     lost = np.flatnonzero(~((way <= DROP[0]) & (angle <= DROP[1])))  # what is no number, too
     return float(log.t[lost[0]]) if len(lost) else None
@@ -162,3 +174,19 @@ def _longest(off: BoolArray) -> int:
         run = np.where(row, run + 1, 0)
         most = max(most, int(run.max(initial=0)))
     return most
+
+
+def held_to_the_end(log: Log) -> tuple[int, str] | None:
+    """The tick from which on a run stood still to its end, and what it waited for; else None."""
+    stands = (log.torque_status & TorqueStatus.HELD) != 0 if log.dynamic else np.zeros(0, np.bool_)
+    waits = (log.status & Status.UNSUPPORTED) != 0
+    if log.dynamic and stands[-1:].any():
+        going = np.flatnonzero(~stands)
+        first = int(going[-1]) + 1 if len(going) else 0
+        bits = TorqueStatus(int(log.torque_status[-1])) & _CAUSES
+        why = [str(flag.name).lower().replace("_", " ") for flag in TorqueStatus if flag & bits]
+        return first, ", ".join(why) or "held"
+    if waits[-1:].any():
+        going = np.flatnonzero(~waits)
+        return (int(going[-1]) + 1 if len(going) else 0), "unsupported"
+    return None

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray
 from wbc.control.state import Status
-from wbc.recording.dynamic_facts import dropped, fingers_off
+from wbc.recording.dynamic_facts import dropped, fingers_off, held_to_the_end
 from wbc.recording.log import Log
 from wbc.recording.outcome import Outcome, beyond_limits, reason, unplanned
 
@@ -24,7 +24,7 @@ class Failure(NamedTuple):
 
     Attributes:
         what: ``limits``, ``collision``, ``bad_measurement``, ``bad_command``, ``phase_timeout``,
-            ``no_forces``, ``diverged``, ``dropped``, ``contact_lost``, ``interrupted``,
+            ``no_forces``, ``diverged``, ``dropped``, ``held``, ``contact_lost``, ``interrupted``,
             ``not_finished`` or ``no_tick``.
         t: when, [s]; None without a tick.
         phase: the phase it befell; None likewise.
@@ -76,6 +76,8 @@ def _of_physics(log: Log) -> Iterator[tuple[int, str]]:
     fell = dropped(log)
     if fell is not None:
         yield int(np.searchsorted(log.t, fell)), "dropped"
+    if (held := held_to_the_end(log)) is not None:
+        yield held[0], "held"
     lost = _lasting(fingers_off(log), round(LOST / log.meta.dt))
     if lost.any():
         yield int(np.argmax(lost)), "contact_lost"

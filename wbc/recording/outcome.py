@@ -12,7 +12,7 @@ from wbc.arrays import Array, BoolArray, IntArray
 from wbc.control.phases import ExitCondition, Phase, PhaseSequence
 from wbc.control.state import PhaseState, Status
 from wbc.forces import ForceStatus
-from wbc.recording.dynamic_facts import dropped
+from wbc.recording.dynamic_facts import dropped, held_to_the_end
 from wbc.recording.log import Log
 
 _TOLERANCE = 1e-9  # a limit kept to rounding is kept
@@ -154,6 +154,8 @@ def reason(log: Log, outcome: Outcome) -> str:
             f"the run {how} at {log.t[-1] + log.meta.dt:.4g} s in phase '{name}'"
             + _missing(log, outcome, name, log.ticks - 1)
         )
+        if (held := held_to_the_end(log)) is not None:
+            parts.append(f"it stood still from {log.t[held[0]]:.4g} s on ({held[1]})")
     return "; ".join(parts + violations(log) + _without_forces(log))
 
 

@@ -12,6 +12,7 @@ from wbc.contact.grasp import Grasp
 from wbc.contact.surfaces import Surface
 from wbc.control.force_control import ForceControl, ForceGains, finger_joints
 from wbc.control.set_points import SetPoints
+from wbc.control.watch import WatchSettings
 from wbc.robot.model import RobotModel
 from wbc.rotations import rotation_from_quaternion
 from wbc.scenario import dynamic_blocks
@@ -57,6 +58,7 @@ def build_dynamics(assembly: Assembly) -> Dynamics | None:
         held=simulation.physics.control == "held",
         release=_release(scenario),
         trial=trial,
+        watch=WatchSettings(**scenario.force_control.watch.model_dump()),
     )
 
 

@@ -113,6 +113,25 @@ class Arms(Block):
 
 
 @final
+class WatchBlock(Block):
+    """When the watchdogs slow the motion or stop it."""
+
+    arm_error: Annotated[float, Quantity("angle", above=0.0)] = Field(
+        default=0.1,
+        description="error of an arm joint at which all stands still; slower from half of it on",
+    )
+    finger_error: Annotated[float, Quantity("angle", above=0.0)] = Field(
+        default=0.6, description="the same of finger joints"
+    )
+    lost: PositiveTime = Field(
+        default=0.03, description="after which a finger that is not felt has lost its contact"
+    )
+    overload: PositiveTime = Field(
+        default=0.1, description="at a torque limit, after which all goes slower"
+    )
+
+
+@final
 class ForceControl(Block):
     """The second stage (36)."""
 
@@ -139,3 +158,4 @@ class ForceControl(Block):
         description="feed the torques of the commanded motion forward; false: gravity's only, "
         "as printed",
     )
+    watch: WatchBlock = Field(default_factory=WatchBlock)

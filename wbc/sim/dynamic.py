@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from wbc.control.force_control import ForceControl, Goal, TorqueState
 from wbc.control.set_points import SetPoints
 from wbc.control.state import ControllerState, Measurement, TickRecord
 from wbc.control.torque_controller import TorqueController
+from wbc.control.watch import WatchSettings
 from wbc.sim.compliant import CompliantPlant
 from wbc.sim.plant import Plant, Sensed
 from wbc.sim.trial import Trial
@@ -27,6 +28,7 @@ class Dynamics:
         second: the second stage.
         set_points: planned forces where no optimizer plans them.
         trial: what is wrong in this run; None: nothing.
+        watch: thresholds of the watchdogs.
         release: index of the phase at whose start a fixture lets go of the object; None: there is
             no fixture.
         held: torques are held over the tick; else they are a function of the state in every
@@ -39,10 +41,11 @@ class Dynamics:
     held: bool = True
     release: int | None = None
     trial: Trial | None = None
+    watch: WatchSettings = field(default_factory=WatchSettings)
 
     def control(self, controller: Controller) -> TorqueController:
         """Both stages as one controller, as a robot of one's own would have it."""
-        return TorqueController(controller, self.second, self.set_points)
+        return TorqueController(controller, self.second, self.set_points, self.watch)
 
 
 def run(

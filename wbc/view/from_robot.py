@@ -35,6 +35,7 @@ _STATUS = {
     Status.PHASE_TIMEOUT: "phase timed out",
     Status.DONE: "done",
     Status.AT_EDGE: "contact at an edge",
+    Status.UNSUPPORTED: "waiting for who is to hold",
 }
 _ROUND = 240  # points of a contour: no corner is seen
 
