@@ -19,6 +19,9 @@ from wbc.rotations import log_so3
 SURE = 3
 """Ticks in a row in which something must be felt: a single one may be noise."""
 
+_PRESSING = 0.1
+"""Planned force [N] above which a finger is to press: below, it begins to, or is about to leave."""
+
 
 @dataclass(frozen=True)
 class ExitCondition:
@@ -325,8 +328,8 @@ def _sensed(
     """Who touches by now, its reference stopped where it is; how long all have pressed enough."""
     until, n = phase.until, len(felt.press)
     if until.press is not None and planned is not None:
-        holds = phase.mode == ContactMode.FIXED
-        up = bool(((felt.press >= until.press * planned) & (planned > 0.0))[holds].all())
+        asked = (phase.mode == ContactMode.FIXED) & (planned > _PRESSING)
+        up = bool(asked.any() and (felt.press >= until.press * planned)[asked].all())
         state = state._replace(steady=state.steady + 1 if up else 0)
     if until.touch is None:
         return state
