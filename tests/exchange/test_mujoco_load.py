@@ -44,13 +44,13 @@ def carried(
 @pytest.mark.parametrize(
     ("name", "believed", "before", "after"),
     [("dual_arm_exchange_mujoco", 0.2, 0.8e-3, 0.5e-3),
-     ("ball_exchange_mujoco", 0.1, 0.25e-3, 0.25e-3)],
+     ("ball_exchange_mujoco", 0.1, 0.35e-3, 0.3e-3)],
 )  # fmt: skip
 def test_an_object_29_percent_too_heavy(
     name: str, believed: float, before: float, after: float
 ) -> None:
     true = 1.29 * believed
-    without, planned = carried(name, f"{true} kg")
+    without, planned = carried(name, f"{true} kg", forces__estimate="null")
     assert set(planned) == {believed}
     found, masses = carried(name, f"{true} kg", forces__estimate="{}")
     for said, errors in (("as believed", without), ("estimated", found)):
