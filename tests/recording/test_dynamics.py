@@ -175,12 +175,12 @@ def test_the_hand_over_is_when_the_first_hand_leaves() -> None:
 
 
 def test_creep_is_measured_where_the_reference_rests() -> None:
-    """It moves on for a second, rests for 1.5 s, of which the last second counts, and moves on."""
+    """It moves on for a second, rests for 1.5 s, and moves on."""
 
     def tick(k: int) -> dict[str, object]:
         rest = np.clip(k, 100, 250)
         position = np.array([1e-2 * (k - rest), 0.0, 0.0])
-        crept = 1e-5 * (k - 150) * 0.01 if k >= 150 else 2e-3
+        crept = 1e-5 * (k - 100) * 0.01 if k >= 100 else 2e-3
         off = np.array([0.0, crept, 0.0, 0.0, 0.0, 2e-4 * 0.01 * k])
         return put(k, position, np.zeros(3), off)
 
