@@ -151,6 +151,26 @@ def test_the_object_goes_from_hand_to_hand(name: str, most: float) -> None:
 
 
 @pytest.mark.slow
+def test_fingertips_slide_under_torques_until_they_balance() -> None:
+    """The published slide, in space: the object stays, the tips come to where they balance."""
+    assembly, run, done = _whole("ball_slide_mujoco")
+    assert done
+    phases = [phase.name for phase in assembly.controller.phases.phases]
+    number = np.array([record.phase for record, _ in run])
+    sliding = np.flatnonzero(number == phases.index("slide"))
+    first, last = run[sliding[0]][0], run[sliding[-1]][0]
+    way, turn = np.array([_error(*run[k]) for k in sliding]).T
+    slid = np.linalg.norm(last.contact_points - first.contact_points, axis=1)[3:]
+    print(f"slide: {1e3 * way.max():.2f} mm, {1e3 * turn.max():.1f} mrad; tips slid "
+          f"{1e3 * slid.min():.1f} to {1e3 * slid.max():.1f} mm")  # fmt: skip
+    assert way.max() < 5e-4 and turn.max() < 0.012
+    assert slid.min() > 1e-3
+    assert max(last.residuals) < 1e-6 < max(first.residuals)
+    force = np.linalg.norm([run[k][1].force for k in sliding], axis=2)
+    assert (force[50:, 3:] > 0.02).mean() > 0.99  # they touch while they slide, once they do
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "mass"), [(NAME, 0.2), (BALL, 0.1)])
 def test_measured_forces_bear_the_object_while_it_rests(name: str, mass: float) -> None:
     """Newton: at the end of what the left hand carries, the forces sum up to its weight."""
