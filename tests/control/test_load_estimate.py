@@ -254,6 +254,7 @@ def test_it_begins_where_fingers_alone_hold(estimate: dict[str, str], phase: int
     [
         ({"phase": "lfit"}, "did you mean 'lift'"),
         ({"mass": [2, 1]}, "the lower bound must be below"),
+        ({"mass": [2, 3]}, "1 must lie between them"),
         ({"mass": [0, 1]}, "above 0"),
         ({"com": "-1 mm"}, "at least 0"),
         ({"smoothing": "0 s"}, "above 0"),

@@ -28,9 +28,11 @@ def extras() -> set[str]:
 
 
 def test_the_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    loop, forces, synergies = blocks("python")
+    loop, torques, forces, synergies = blocks("python")
     exec(compile(loop, "README.md", "exec"), {})
     assert capsys.readouterr().out.startswith("0.198 ")
+    exec(compile(torques, "README.md", "exec"), {})
+    assert capsys.readouterr().out.endswith("<TorqueStatus.BAD_MEASUREMENT: 4>\n")
     scope: dict[str, object] = {}
     exec(compile(forces, "README.md", "exec"), scope)
     assert capsys.readouterr().out.startswith("solved ")

@@ -13,6 +13,7 @@ from wbc.cli import main
 from wbc.control.force_control import TorqueStatus
 from wbc.control.state import DynamicsRecord, TickRecord
 from wbc.errors import ScenarioError
+from wbc.recording import installed_versions
 from wbc.rotations import log_so3
 from wbc.scenario import load
 from wbc.scenario.build import Assembly, build
@@ -72,11 +73,14 @@ def test_the_fixture_lets_go_when_its_phase_begins() -> None:
         ({f"{PHYSICS}.fixture": "lfit"}, "did you mean 'lift'"),
         ({f"{PHYSICS}.table": "{size: [1 m, 1 m]}"}, "needs a 'height', 'posts' or both"),
         ({f"{PHYSICS}.control": "continuous"}, "continuous is of the compliant engine"),
+        ({f"{PHYSICS}.table": "{posts: [[1 m, 0 m]]}"}, "nothing of the object is above"),
+        ({f"{PHYSICS}.table.posts": "[[0 m, 5 cm], [0 m, 10 cm], [1 mm, 15 cm]]"}, "towards -y"),
+        ({f"{PHYSICS}.table.height": "60 cm"}, "above the object's underside: at most 0.57"),
     ],
 )
 def test_what_does_not_fit_is_said_with_its_place(settings: dict[str, str], said: str) -> None:
     with pytest.raises(ScenarioError, match=said) as refusal:
-        load(NAME, settings)
+        build(load(NAME, settings))
     assert "\n" not in str(refusal.value)
 
 
@@ -86,7 +90,21 @@ def test_without_mujoco_the_run_says_what_to_install(
     monkeypatch.setitem(sys.modules, "mujoco", None)
     assert main(["run", NAME, "--out", str(tmp_path)]) != 0
     errors = capsys.readouterr().err
-    assert "pip install 'wbc[mujoco]'" in errors and "Traceback" not in errors
+    assert "pip install -e '.[mujoco]'" in errors and "Traceback" not in errors
+
+
+def test_a_check_without_mujoco_warns_in_the_words_of_the_run(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    main(["check", NAME])
+    (line,) = (x for x in capsys.readouterr().out.splitlines() if "needs the package" in x)
+    assert line.startswith("warning: ") and "pip install -e '.[mujoco]'" in line
+
+
+def test_the_summary_names_its_version() -> None:
+    pytest.importorskip("mujoco")
+    assert "mujoco" in installed_versions()
 
 
 def test_a_table_is_of_space() -> None:

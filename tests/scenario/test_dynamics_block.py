@@ -101,3 +101,12 @@ def test_fingers_are_the_joints_that_carry_one_tip() -> None:
     assert fingers == [
         f"{side}_{finger}_{k}" for side in ("left", "right") for finger in "ab" for k in (1, 2)
     ]
+
+
+def test_a_touch_by_its_defaults_ends_a_phase_and_an_empty_condition_names_it() -> None:
+    task, key = "ball_exchange_mujoco", "phases.approach.until"
+    (phase,) = (p for p in load(task, {key: "{touch: {}}"}).scenario.phases if p.name == "approach")
+    assert phase.until is not None and phase.until.touch is not None
+    assert phase.until.touch.force == 0.15
+    with pytest.raises(ScenarioError, match="force_closure, touch or press"):
+        load(task, {key: "{residual: {}}"})

@@ -6,6 +6,7 @@ import argparse
 import math
 import sys
 from collections.abc import Iterable, Iterator
+from importlib.util import find_spec
 from textwrap import wrap
 
 import numpy as np
@@ -20,6 +21,7 @@ from wbc.robot.model import RobotModel
 from wbc.robot.pruning import PairReport
 from wbc.scenario.build import Assembly, build
 from wbc.scenario.build_costs import safety_distance
+from wbc.sim.mujoco_shapes import MISSING
 from wbc.tasks import Synergy
 
 _NEAREST = 5  # pairs listed with their distance
@@ -52,6 +54,8 @@ def check_command(arguments: argparse.Namespace) -> int:
             print(f"  {line}")
     for line in fault_lines(loaded, rehearsal.warnings):
         print(f"warning: {line}")
+    if simulation.engine == "mujoco" and find_spec("mujoco") is None:
+        print(f"warning: {loaded.locate(('simulation', 'engine'))}: {MISSING}")
     sys.stdout.flush()  # the faults come last, also where both go to one place
     for line in fault_lines(loaded, rehearsal.faults):
         print(line, file=sys.stderr)

@@ -16,7 +16,7 @@ from typing import Any
 
 from wbc.errors import WbcError
 
-_PACKAGES = ("wbc", "pin", "coal", "numpy", "scipy", "numba", "pydantic", "PyYAML")
+_PACKAGES = ("wbc", "pin", "coal", "numpy", "scipy", "numba", "mujoco", "pydantic", "PyYAML")
 
 
 def installed_versions() -> dict[str, str]:

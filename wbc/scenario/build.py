@@ -36,6 +36,7 @@ from wbc.scenario.places import robot_file
 from wbc.scenario.robots import read_robot
 from wbc.scenario.schema import Scenario
 from wbc.scenario.synergies import Hands, check_hands, read_hands
+from wbc.scenario.tables import check_table
 from wbc.scenario.touches import check_touches
 from wbc.scenario.wording import Faults
 from wbc.stack.supervisor import Supervisor
@@ -107,6 +108,8 @@ def _assemble(loaded: Loaded, model: RobotModel, hands: Hands) -> Assembly:
     scenario = loaded.scenario
     grasp = build_grasp(scenario, model)
     _check_faces(loaded, grasp)
+    if faults := check_table(scenario, grasp.surface):
+        raise loaded.error(faults)
     frames = tracked_frames(scenario, grasp)
     com = any(spec.type == "center_of_mass" for spec in scenario.tasks.values())
     main, secondary = _priority(scenario)

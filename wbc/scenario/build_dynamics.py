@@ -12,7 +12,9 @@ from wbc.contact.grasp import Grasp
 from wbc.contact.surfaces import Surface
 from wbc.control.force_control import ForceControl, ForceGains, finger_joints
 from wbc.control.set_points import SetPoints
+from wbc.control.torque_controller import TorqueController
 from wbc.control.watch import WatchSettings
+from wbc.errors import WbcError
 from wbc.robot.model import RobotModel
 from wbc.rotations import rotation_from_quaternion
 from wbc.scenario import dynamic_blocks
@@ -42,24 +44,54 @@ def build_dynamics(assembly: Assembly) -> Dynamics | None:
     simulation, thing = scenario.simulation, scenario.object
     if simulation.engine == "kinematic" or thing is None or scenario.force_control is None:
         return None  # the last two: `check_dynamics`
-    tips = tuple(scenario.robot.fingers[name] for name in grasp.fingers)
-    gravity = np.array(model.pin_model.gravity.linear)
-    if grasp.planar:
-        gravity[2] = 0.0
-    wrong = build_disturbance(scenario)
-    second = ForceControl(model, tips, _gains(scenario, scenario.force_control, model, grasp, tips))
+    wrong, control = build_disturbance(scenario), build_torque_control(assembly)
     trial = None
     if wrong is not None:
-        trial = Trial(wrong, model, grasp.fingers, ~second.fingers, simulation.step)
+        trial = Trial(wrong, model, grasp.fingers, ~control.second.fingers, simulation.step)
     return Dynamics(
-        _plant(scenario, model, grasp, tips, wrong or Disturbance()),
-        second,
-        SetPoints(grasp, build_payload(thing, scenario), gravity),
+        _plant(scenario, model, grasp, _tips(scenario, grasp), wrong or Disturbance()),
+        control.second,
+        control.set_points,
         held=simulation.physics.control == "held",
         release=_release(scenario),
         trial=trial,
-        watch=WatchSettings(**scenario.force_control.watch.model_dump()),
+        watch=_watch(scenario.force_control),
     )
+
+
+def build_torque_control(assembly: Assembly) -> TorqueController:
+    """Both stages of a scenario as one controller, for a robot of one's own: nothing is simulated.
+
+    `TorqueController.init` takes the assembly's `start`.
+
+    Raises:
+        WbcError: the scenario has no object or no block `force_control`.
+    """
+    scenario, model = assembly.loaded.scenario, assembly.model
+    grasp = assembly.controller.law.kin.grasp
+    thing, given = scenario.object, scenario.force_control
+    if thing is None or given is None:
+        missing = "force_control" if given is None else "object"
+        raise WbcError(f"{assembly.loaded.path}: torques need a block '{missing}'")
+    tips = _tips(scenario, grasp)
+    gravity = np.array(model.pin_model.gravity.linear)
+    if grasp.planar:
+        gravity[2] = 0.0
+    return TorqueController(
+        assembly.controller,
+        ForceControl(model, tips, _gains(scenario, given, model, grasp, tips)),
+        SetPoints(grasp, build_payload(thing, scenario), gravity),
+        _watch(given),
+    )
+
+
+def _tips(scenario: Scenario, grasp: Grasp) -> tuple[str, ...]:
+    """The frame of each finger's tip."""
+    return tuple(scenario.robot.fingers[name] for name in grasp.fingers)
+
+
+def _watch(given: dynamic_blocks.ForceControl) -> WatchSettings:
+    return WatchSettings(**given.watch.model_dump())
 
 
 def _release(scenario: Scenario) -> int | None:

@@ -53,7 +53,8 @@ Plan: TypeAlias = Annotated[tuple[Length, Length], Entries(2)]
 class Table(Block):
     """What the object lies on at the start, wherever it truly is.
 
-    The compliant engine has none: there a fixture holds the object until a phase moves it.
+    The compliant engine has none: there a fixture holds the object until a phase moves it. Where
+    'fixture' is given too, that is when the object is let go, in both engines.
     """
 
     height: Length | None = Field(default=None, description="of the table top in the world")
@@ -95,7 +96,8 @@ class Physics(Block):
     )
     fixture: Text | None = Field(
         default=None,
-        description="phase at whose start what holds the object until then lets go",
+        description="phase at whose start what holds the object until then lets go; beside a table "
+        "it holds the object on that",
     )
     table: Table | None = Field(default=None, description="what the object lies on at the start")
 

@@ -67,7 +67,8 @@ class Estimate(Block):
     )
     smoothing: PositiveTime = Field(default=0.25, description="time constant of the low-pass")
     mass: Annotated[tuple[PositiveNumber, PositiveNumber], Entries(2)] = Field(
-        default=(0.3, 3.0), description="bounds, as multiples of the object's 'mass'"
+        default=(0.3, 3.0),
+        description="bounds, as multiples of the object's 'mass'; 1 between them",
     )
     com: Distance = Field(
         default=0.02, description="largest shift of the centre of mass from the object's 'com'"

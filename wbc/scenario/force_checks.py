@@ -108,8 +108,13 @@ def _forces(data: dict[str, Any], forces: dict[str, Any], faults: Faults) -> Non
 def _estimate(data: dict[str, Any], given: dict[str, Any], faults: Faults) -> None:
     path: KeyPath = ("forces", "estimate")
     bounds = [si(raw, NUMBER) for raw in listing(given.get("mass"))]
-    if len(bounds) == 2 and None not in bounds and not (bounds[0] or 0.0) < (bounds[1] or 0.0):
-        faults.add((*path, "mass"), "the lower bound must be below the upper one")
+    low, high = bounds if len(bounds) == 2 else (None, None)
+    if low is not None and high is not None:
+        if not low < high:
+            faults.add((*path, "mass"), "the lower bound must be below the upper one")
+        elif not low <= 1.0 <= high:
+            text = "the bounds are multiples of the object's 'mass': 1 must lie between them"
+            faults.add((*path, "mass"), text)
     phases = [p for p in listing(data.get("phases")) if isinstance(p, dict)]
     name = given.get("phase")
     if isinstance(name, str):

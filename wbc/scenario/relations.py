@@ -110,8 +110,11 @@ def _durations(path: KeyPath, phase: dict[str, Any], faults: Faults) -> None:
 
 def _ending(path: KeyPath, phase: dict[str, Any], last: bool, faults: Faults) -> None:
     until = phase.get("until")
-    if isinstance(until, dict) and not any(v is not None and v != {} for v in until.values()):
-        text = "is empty: give time, residual, tip_error, distance or force_closure"
+    # touch: {} asks for a touch by its defaults, residual: {} for nothing
+    if isinstance(until, dict) and not any(
+        v is not None and (v != {} or key == "touch") for key, v in until.items()
+    ):
+        text = "is empty: give time, residual, tip_error, distance, force_closure, touch or press"
         faults.add((*path, "until"), text)
     if until is None and phase.get("timeout") is None and not last:
         faults.add(path, "never ends: give it 'until'")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from typing import Any, Final
 
 import coal
 import numpy as np
@@ -19,6 +19,10 @@ from wbc.errors import WbcError
 from wbc.robot.rounding import corners
 from wbc.sim.compliant import FreeBody
 
+MISSING: Final = (
+    "the engine 'mujoco' needs the package mujoco: pip install -e '.[mujoco]' (of a wheel: "
+    "pip install 'wbc[mujoco]')"
+)
 _MESH = 96
 """Divisions of the full turn of an object that has to be a mesh: 0.05 % of its radius."""
 
@@ -32,9 +36,7 @@ def mujoco() -> Any:
     try:
         mj = importlib.import_module("mujoco")
     except ImportError:
-        raise WbcError(
-            "the engine 'mujoco' needs the package mujoco (pip install 'wbc[mujoco]')"
-        ) from None
+        raise WbcError(MISSING) from None
     if mj.get_mju_user_warning() is None:
         mj.set_mju_user_warning(_unheard)  # plants look at the counts of warnings instead
     return mj
