@@ -9,14 +9,19 @@ import pinocchio as pin
 import pytest
 
 from wbc.cli.as_measured import as_measured
+from wbc.cli.replay import open_film
+from wbc.cli.run import _truly
 from wbc.cli.session import run_meta
 from wbc.contact.grasp import Grasp
 from wbc.recording import Log, Recorder
+from wbc.recording.dynamic_facts import object_error_true
 from wbc.robot.model import RobotModel
 from wbc.rotations import exp_so3, quaternion, rotation_from_quaternion
 from wbc.scenario import Scenario, load
 from wbc.scenario.build import build
-from wbc.sim import kinematic
+from wbc.scenario.build_dynamics import build_dynamics
+from wbc.sim import dynamic, kinematic
+from wbc.view.from_robot import SnapshotMaker
 
 FIGURES = ("object_error", "eps_f", "eps_m", "task_error")
 
@@ -91,3 +96,28 @@ def test_what_is_not_finite_is_left_out(exact) -> None:
     found = as_measured(replace(log, q_meas=q), *world)
     assert np.isnan(found.eps_f[40:]).all() and np.isfinite(found.eps_f[:40]).all()
     assert np.isnan(found.object_error[40:]).all()
+
+
+def test_the_panel_shows_the_true_object_and_what_gave_way_live_and_again(tmp_path) -> None:
+    """Pushed too hard to be held: the object is lost, whatever the references say."""
+    push = "{pushes: [{at: 0.1 s, force: [300 N, 0 N, 0 N], over: 0.4 s}]}"
+    settings = {"simulation.disturbances": push, "simulation.duration": "0.6 s"}
+    assembly = build(load("planar_exchange_dynamic", settings))
+    dynamics = build_dynamics(assembly)
+    assert dynamics is not None
+    recorder = Recorder(run_meta(assembly, dynamics), assembly.ticks)
+    ticks = dynamic.run(assembly.controller, assembly.start, assembly.ticks, dynamics)
+    records = [record for record, _ in ticks]
+    for record in records:
+        recorder.append(record)
+    log = recorder.finish()
+    log.save(tmp_path / "log.npz")
+    last = len(records) - 1
+    shot = SnapshotMaker(assembly.model).of_record(_truly(records[last], records[0]))
+    film = open_film(str(tmp_path))
+    again = next(film.snapshots([last]))
+    way, angle = object_error_true(log)
+    assert way[last] > 0.05
+    assert shot.error == pytest.approx((way[last], angle[last]))
+    assert again.error == pytest.approx(shot.error)
+    assert again.status == shot.status and "contact lost" in shot.status

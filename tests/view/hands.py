@@ -9,6 +9,7 @@ import numpy as np
 from wbc import resources
 from wbc.contact.grasp import Grasp
 from wbc.contact.surfaces.cylinder import Cylinder
+from wbc.control.force_control import TorqueStatus
 from wbc.robot.model import RobotModel, load_robot
 from wbc.view import Scene
 from wbc.view.from_robot import robot_scene
@@ -66,6 +67,7 @@ class Rows:
     force_status: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
     # of torques: none, unless `under_torques` makes some
     tau: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    torque_status: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     contact_force_meas: np.ndarray = field(default_factory=lambda: np.zeros((0, 6, 3)))
 
 
@@ -134,4 +136,5 @@ def under_torques(model: RobotModel, rows: Rows) -> Rows:
         contact_force_plan=forces.contact_force_plan,
         contact_force_meas=0.8 * forces.contact_force_plan,
         tau=tau,
+        torque_status=np.where(rows.t >= 1.5, TorqueStatus.SATURATED | TorqueStatus.SLOWED, 0),
     )

@@ -199,6 +199,9 @@ def test_verdicts_are_told() -> None:
     make = maker()
     assert make.of_row(ROWS, 2).status == ""
     assert "forces: infeasible torque limits" in make.of_row(ROWS, 6).status
+    driven = under_torques(MODEL, postures(MODEL, 7))
+    assert make.of_row(driven, 1).status == ""
+    assert make.of_row(driven, 4).status == "torques: saturated, slowed"
     assert status_text(0, 1) == "", "a low margin is no trouble of the picture"
 
 

@@ -22,6 +22,7 @@ from wbc.cli.session import LOG, ROBOT
 from wbc.contact.grasp import Grasp
 from wbc.errors import WbcError
 from wbc.recording import Log
+from wbc.recording.dynamic_facts import object_error_true
 from wbc.robot.model import RobotModel, load_robot
 from wbc.scenario import Scenario, load
 from wbc.scenario.build import build_grasp
@@ -108,9 +109,16 @@ class Film:
 
     @cached_property
     def shown(self) -> Log:
-        """The log with robot and object where they were, also where torques moved them."""
+        """The log with robot and object where they were, also where torques moved them.
+
+        The object's error is then the true one, whichever finger is asked.
+        """
         log = self.log
-        if not log.dynamic or not np.isfinite(log.q_meas).all():
+        if not log.dynamic:
+            return log
+        error = np.stack(object_error_true(log), axis=1)[:, None, :]
+        log = changed(log, object_error=np.broadcast_to(error, log.object_error.shape))
+        if not np.isfinite(log.q_meas).all():
             return log
         return changed(log, q=log.q_meas, object_pose=log.object_pose_true)
 

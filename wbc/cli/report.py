@@ -45,8 +45,9 @@ def _object(summary: dict[str, Any]) -> str:
     settled = summary["object_error"]["settled"]
     if settled["position"] is None:
         return ""
+    whose = "of the commanded motion " if "dropped" in summary else ""
     return (
-        f"at most {settled['position']:.1e} m, {settled['orientation']:.1e} rad "
+        f"{whose}at most {settled['position']:.1e} m, {settled['orientation']:.1e} rad "
         f"after {summary['object_error']['settled_after']:.2g} s"
     )
 

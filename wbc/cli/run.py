@@ -14,6 +14,7 @@ from typing import Any, final
 
 import numpy as np
 
+from wbc.arrays import Array
 from wbc.cli.interrupt import Interrupts
 from wbc.cli.pictures import force_pictures
 from wbc.cli.progress import Progress, SlowNotice
@@ -33,6 +34,8 @@ from wbc.control.state import ControllerState, TickRecord
 from wbc.errors import SetupError, WbcError
 from wbc.files import write_whole
 from wbc.recording import Log, Outcome, Recorder, summarize, write
+from wbc.recording.dynamic_facts import displaced_error
+from wbc.rotations import quaternion
 from wbc.scenario.build import Assembly, build
 from wbc.scenario.build_disturbance import build_disturbance
 from wbc.scenario.build_dynamics import build_dynamics
@@ -122,6 +125,7 @@ class _Viewer:
             measured=forces.measured,
         )
         self._maker = SnapshotMaker(model, controller.task_names, shown, bool(main), forces.arrows)
+        self._first: TickRecord | None = None
         self._live = LiveView(scene, arguments.port, open_browser=not arguments.no_browser)
         if self._live.url:
             asked = arguments.port
@@ -144,10 +148,11 @@ class _Viewer:
 
     def show(self, record: TickRecord, progress: Progress) -> None:
         """Publish a tick if a picture is due."""
+        self._first = self._first or record
         if record.event is not None:
             self._maker.note(record.t, record.event)
         if self._live.due():
-            self._live.publish(self._maker.of_record(_truly(record)))
+            self._live.publish(self._maker.of_record(_truly(record, self._first)))
             if line := self._live.warning():
                 progress.say(line)
 
@@ -160,14 +165,32 @@ class _Viewer:
             input()
 
 
-def _truly(record: TickRecord) -> TickRecord:
-    """The record with robot and object where they are, not where they are commanded to be."""
-    found = record.dynamics
-    if found is None or not np.isfinite(found.q).all():
+def _truly(record: TickRecord, first: TickRecord) -> TickRecord:
+    """The record with robot and object where they are, not where they are commanded to be.
+
+    The object's error is then the true one, whichever finger is asked.
+
+    Args:
+        first: of the run: by what the object was displaced at the start is no error.
+    """
+    found, begun = record.dynamics, first.dynamics
+    if found is None or begun is None:
+        return record
+    error = np.full(2, np.nan)
+    if np.isfinite(found.object_position).all() and np.isfinite(found.object_rotation).all():
+        wanted = [_pose(r.reference_position, r.reference_rotation) for r in (first, record)]
+        true = [_pose(d.object_position, d.object_rotation) for d in (begun, found)]
+        error = np.array(displaced_error(np.array(wanted), np.array(true)))[:, 1]
+    record = record._replace(object_error=np.tile(error, (len(record.mode), 1)))
+    if not np.isfinite(found.q).all():
         return record
     return record._replace(
         q=found.q, object_position=found.object_position, object_rotation=found.object_rotation
     )
+
+
+def _pose(position: Array, rotation: Array) -> Array:
+    return np.concatenate((position, quaternion(rotation)))
 
 
 @final

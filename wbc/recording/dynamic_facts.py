@@ -39,8 +39,12 @@ def object_error_true(log: Log) -> tuple[Array, Array]:
     Where it should be is its reference, displaced by D(0) = T_ref(0)⁻¹ T_true(0): nobody sees the
     object, and what its place was believed wrongly by at the start is carried along, in its axes.
     """
-    true = log.object_pose_true
-    wanted = _displaced(log.object_pose_ref, true)
+    return displaced_error(log.object_pose_ref, log.object_pose_true)
+
+
+def displaced_error(reference: Array, true: Array) -> tuple[Array, Array]:
+    """`object_error_true` of (T, 7) poses x y z qx qy qz qw, the first of them at the start."""
+    wanted = _displaced(reference, true)
     way = np.linalg.norm(true[:, :3] - wanted[:, :3], axis=1)
     cosine = np.abs(np.sum(true[:, 3:] * wanted[:, 3:], axis=1))
     chord = np.minimum(

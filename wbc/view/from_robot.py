@@ -13,6 +13,7 @@ import pinocchio as pin
 from wbc.arrays import Array, BoolArray, IntArray
 from wbc.contact.grasp import Grasp
 from wbc.contact.surfaces import Surface
+from wbc.control.force_control import TorqueStatus
 from wbc.control.state import Status, TickRecord
 from wbc.forces import ForceStatus
 from wbc.robot.model import RobotModel
@@ -231,6 +232,8 @@ class Rows(Protocol):
     def tau(self) -> Array: ...
     @property
     def contact_force_meas(self) -> Array: ...
+    @property
+    def torque_status(self) -> IntArray: ...
 
 
 @final
@@ -286,7 +289,8 @@ class SnapshotMaker:
         """A tick of a run that goes on."""
         pose = np.concatenate((record.object_position, quaternion(record.object_rotation)))
         lead, shown = self._lead, self._shown
-        plan = record.forces
+        verdict = 0 if record.forces is None else record.forces.status
+        torques = 0 if record.dynamics is None else record.dynamics.status
         return Snapshot(
             t=record.t,
             bodies=placements(self._model, self._data, record.q),
@@ -301,7 +305,7 @@ class SnapshotMaker:
             eps_m=record.residuals[1],
             error=_largest(record.object_error),
             distance=record.min_distance,
-            status=status_text(int(record.status), 0 if plan is None else plan.status),
+            status=status_text(int(record.status), verdict, torques),
             text=self.text,
             forces=self._forces_of_record(record, pose),
         )
@@ -309,6 +313,7 @@ class SnapshotMaker:
     def of_row(self, rows: Rows, k: int) -> Snapshot:
         """Tick k of a recorded run."""
         verdict = int(rows.force_status[k]) if len(rows.force_status) else 0
+        torques = int(rows.torque_status[k]) if len(rows.torque_status) else 0
         return Snapshot(
             t=float(rows.t[k]),
             bodies=placements(self._model, self._data, rows.q[k]),
@@ -323,7 +328,7 @@ class SnapshotMaker:
             eps_m=float(rows.eps_m[k]),
             error=_largest(rows.object_error[k]),
             distance=float(rows.min_distance[k]),
-            status=status_text(int(rows.status[k]), verdict),
+            status=status_text(int(rows.status[k]), verdict, torques),
             text=self.text,
             forces=self._forces_of_row(rows, k),
         )
@@ -361,16 +366,20 @@ def event_text(t: float, task: str, inserted: bool) -> str:
     return f"{t:.2f} s: '{task}' {'back in' if inserted else 'out of'} the stack"
 
 
-def status_text(status: int, forces: int = 0) -> str:
+def status_text(status: int, forces: int = 0, torques: int = 0) -> str:
     """The bits of a `Status` in words, and forces that could not be planned; "" when all is well.
 
     Args:
         forces: index into the members of `ForceStatus`.
+        torques: bits of `TorqueStatus`.
     """
     words = [words for bit, words in _STATUS.items() if status & bit]
     verdict = tuple(ForceStatus)[forces]
     if not verdict.usable:
         words.append(f"forces: {verdict.value.replace('_', ' ')}")
+    names = [str(bit.name).lower().replace("_", " ") for bit in TorqueStatus if torques & bit]
+    if names:
+        words.append(f"torques: {', '.join(names)}")
     return ", ".join(words)
 
 

@@ -26,7 +26,7 @@ from wbc.view.scene import ForceArrows, Scene, Snapshot
 Bytes = NDArray[np.uint8]
 RING = 8
 TEXT_BYTES = 400
-STATUS_BYTES = 120
+STATUS_BYTES = 240
 _HEADER_BYTES = 512
 _WORDS_BYTES = 400
 _SCALARS = 8
