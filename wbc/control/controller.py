@@ -105,18 +105,19 @@ class Controller:
         measurement: Measurement | None = None,
         pace: float = 1.0,
         bears: BoolArray | None = None,
+        asked: BoolArray | None = None,
     ) -> tuple[TickRecord, ControllerState]:
         """One tick. Never raises on numbers: what gave way is in the record's status.
 
         Args:
             pace: share of their speed with which references, tasks and costs move on, in [0, 1];
                 to change smoothly. The object stays held; at 0 no phase begins.
-            bears: (N,) fingers that are felt to press as planned: no phase that lets a finger go
-                begins without those that are to hold the object then. None: it is not known.
+            bears, asked: (N,) fingers that are felt to touch, and that are to press: no phase that
+                lets a finger go begins without those that hold then; see `phases.unsupported`.
         """
         t, dt = state.tick * self.settings.dt, self.settings.dt
         state = state._replace(phase=paced(state.phase, t, dt, pace))
-        state, seen = self._situation(t, state, measurement, bears)  # phase, tasks, costs
+        state, seen = self._situation(t, state, measurement, bears, asked)  # phase, tasks
         here = guarded(state.q, state.contact, self.law.kin.grasp, self.settings.bounds)
         motion, locks = solved(
             self.law, state.level_order, self._levels(state.activation), here, dt
@@ -239,6 +240,7 @@ class Controller:
         state: ControllerState,
         measurement: Measurement | None,
         bears: BoolArray | None,
+        asked: BoolArray | None,
     ) -> tuple[ControllerState, Seen]:
         """Everything at t; where a phase begins at t, evaluated again under it."""
         state = self._reordered(state)
@@ -254,7 +256,9 @@ class Controller:
             felt = self.touch.read(self.law.kin, measurement)
             planned = None if state.forces is None else state.forces.c[:, 2]
         change = self.phases.advance(state.phase, t, self.law.kin, seen, felt, planned)
-        if change.entered and unsupported(state.contact.mode, change.contact.mode, bears):
+        before, after = state.contact.mode, change.contact.mode
+        planned_well = state.forces is None or state.forces.balanced
+        if change.entered and unsupported(before, after, planned_well, bears, asked):
             self._evaluate(t, state.q, state.contact, state, self._active(state))
             return state._replace(phase=state.phase._replace(waits=True)), seen
         if not change.entered:

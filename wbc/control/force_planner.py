@@ -188,6 +188,7 @@ class _Plan(NamedTuple):
         c: (N, 4) in the contact frames; None: no set could be balanced.
         status: the gravest verdict of the sets that were mixed; of those asked if none could be.
         starts, iterations, phi: as they go on and into the record.
+        balanced: whether all sets asked for could be.
     """
 
     c: Array | None
@@ -195,6 +196,7 @@ class _Plan(NamedTuple):
     starts: tuple[Array | None, ...]
     iterations: int
     phi: float
+    balanced: bool
 
 
 @final
@@ -267,7 +269,7 @@ class ForcePlanner:
         )  # fmt: skip
         if plan.status is ForceStatus.INVALID_INPUT:
             record = _finite(record, held)
-        return record, ForceState(v, c, plan.starts, load)
+        return record, ForceState(v, c, plan.starts, load, plan.balanced)
 
     def at_rest(
         self, kin: ExtendedKinematics, t: float, phase: PhaseState
@@ -361,10 +363,12 @@ class ForcePlanner:
             phi += weight * step.phi
             total += weight
         if weights and total == 0.0:
-            return _Plan(None, max(bad, key=_STATUS.__getitem__), tuple(starts), iterations, np.inf)
+            return _Plan(
+                None, max(bad, key=_STATUS.__getitem__), tuple(starts), iterations, np.inf, False
+            )
         share = total if weights else 1.0
         status = max(good, key=_STATUS.__getitem__)
-        return _Plan(c / share, status, tuple(starts), iterations, phi / share)
+        return _Plan(c / share, status, tuple(starts), iterations, phi / share, not bad)
 
 
 def _finite(record: ForceRecord, held: BoolArray) -> ForceRecord:

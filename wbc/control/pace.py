@@ -16,9 +16,11 @@ def paced(phase: PhaseState, t: float, dt: float, pace: float) -> PhaseState:
 
     Args:
         t, dt: the tick [s].
-        pace: share of their speed with which the references move over the tick, in [0, 1].
+        pace: share of their speed with which the references move over the tick; brought into
+            [0, 1], NaN to 0.
     """
     motion = phase.motion
+    pace = min(1.0, max(0.0, pace))  # in this order, of 0 and NaN `max` takes 0
     if pace == motion.pace == 1.0 and motion.quickening == 0.0:
         return phase
     lost = (1.0 - motion.pace) * (t - motion.now)

@@ -147,18 +147,29 @@ class Transition(NamedTuple):
     timed_out: bool
 
 
-def unsupported(before: IntArray, after: IntArray, bears: BoolArray | None) -> bool:
-    """Whether a change of modes would let go of an object that is not felt to be held then.
+def unsupported(
+    before: IntArray, after: IntArray, balanced: bool, bears: BoolArray | None,
+    asked: BoolArray | None,
+) -> bool:  # fmt: skip
+    """Whether a change of modes would let go of an object that is not sure to be held then.
 
     Args:
         before, after: (N,) ContactMode.
-        bears: (N,) fingers that press as planned; None: it is not known, and taken as given.
+        balanced: whether the forces planned last balance the object within all limits.
+        bears: (N,) fingers that are felt to touch; None: it is not known, and taken as given.
+        asked: (N,) fingers that are to press; None: all. Of those that are not, as passive ones,
+            none need be felt as long as some other is.
     """
     free, holds = ContactMode.FREE, after == ContactMode.FIXED
-    if bears is None or not holds.any() or not ((before != free) & (after == free)).any():
+    if not holds.any() or not ((before != free) & (after == free)).any():
+        return False
+    if not balanced:
+        return True
+    if bears is None:
         return False
     holds &= before != free  # who only touches then holds nothing yet
-    return not holds.any() or not bears[holds].all()
+    must = holds if asked is None else holds & asked
+    return not bears[holds].any() or not bears[must].all()
 
 
 @final

@@ -94,7 +94,7 @@ class Readings:
         """
         nv, n = len(q), self._count
         raw_q, raw_v, raw_force = (
-            _shaped(getattr(measured, name, None), shape)
+            _shaped(measured, name, shape)
             for name, shape in (("q", (nv,)), ("v", (nv,)), ("force", (n, 3)))
         )
         state, stuck = self._repeated(state, raw_q, raw_v, raw_force, v, plan, dt)
@@ -127,12 +127,19 @@ class Readings:
         )  # fmt: skip
         rate = np.where(good_v, np.where(good_v, raw_v, v) - v, rate)
         off = np.where(good_v, state.off + dt * rate, fade[:nv] * state.off)
-        off = np.where(good_q, np.where(good_q, raw_q, q) - q, off)
+        off = np.where(good_q, np.where(good_q, raw_q, q) - q, self._within(q, off))
         shown = np.where(good_force[:, None], raw_force, state.shown)
         gone = blind[2 * nv :, None]  # as planned: nothing to correct
         shown = np.where(gone & ~good_force[:, None], plan, shown)
         found = Measurement(q + off, v + rate, shown)
         return found, status, state._replace(off=off, off_rate=rate, shown=shown)
+
+    def _within(self, q: Array, off: Array) -> Array:
+        """What joints are off (nv,), where only velocities tell: those may be wrong by a constant,
+        and the integral would go on for ever."""
+        low = np.minimum(self._lower + _BEYOND, q)
+        high = np.maximum(self._upper - _BEYOND, q)
+        return np.clip(np.clip(q + off, low, high) - q, -_BEYOND, _BEYOND)
 
     def _sound(
         self, state: ReadingState, q: Array, v: Array, dt: float
@@ -159,13 +166,17 @@ class Readings:
         return state._replace(same=same, way=way, plan=then), stuck
 
 
-def _shaped(values: Any, shape: tuple[int, ...]) -> Array:
-    """Readings of a shape; NaN where they are missing, of another size or no numbers."""
-    try:
-        array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        return np.full(shape, np.nan)
-    if array.shape != shape:
-        return np.full(shape, np.nan)
+def _shaped(measured: Any, name: str, shape: tuple[int, ...]) -> Array:
+    """Readings of a shape, copied; NaN where they are missing, of another size or no numbers."""
+    nothing = np.full(shape, np.nan)
+    try:  # whatever a driver hands over, it must not end the tick
+        found = np.array(getattr(measured, name, None))  # a copy: buffers may be filled again
+        if found.dtype.kind == "O" and any(isinstance(x, str | bytes) for x in found.flat):
+            return nothing
+        if found.shape != shape or found.dtype.kind not in "fiuO":
+            return nothing
+        array = found.astype(np.float64, copy=False)
+    except Exception:
+        return nothing
     sound = np.abs(array) < _HUGE
     return array if sound.all() else np.where(sound, array, np.nan)

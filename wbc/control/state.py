@@ -99,12 +99,14 @@ class ForceState(NamedTuple):
         c: (N, 4) last feasible forces in the contact frames, x, y, z (inward) [N] and t [Nm].
         starts: by set of contacts, its last feasible forces; None where it begins cold.
         load: how the object differs from the one believed; None where that is not estimated.
+        balanced: whether every set of contacts asked for in its last tick had feasible forces.
     """
 
     v: Array
     c: Array
     starts: tuple[Array | None, ...]
     load: LoadState | None = None
+    balanced: bool = True
 
 
 class ControllerState(NamedTuple):

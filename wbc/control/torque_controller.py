@@ -8,9 +8,11 @@ import numpy as np
 
 from wbc.arrays import Array, BoolArray
 from wbc.contact.grasp import ContactMode
+from wbc.contact.surfaces.base import D_U, D_V
 from wbc.control.controller import Controller
 from wbc.control.force_control import Command, ForceControl, Goal, TorqueState
 from wbc.control.readings import Readings
+from wbc.control.references import Motion
 from wbc.control.set_points import SetPoints, balanced
 from wbc.control.state import ControllerState, DynamicsRecord, Measurement, TickRecord
 from wbc.control.watch import PRESSING, View, Watch, WatchSettings, WatchState
@@ -27,7 +29,8 @@ class LoopState(NamedTuple):
         first: of the first stage.
         second: of the second.
         watch: of the watchdogs.
-        sought: (N,) how far fingers have gone inward in this phase to look for a contact [m].
+        sought: (N,) how far fingers have gone inward to look for a contact since they last were
+            free [m].
     """
 
     first: ControllerState
@@ -96,14 +99,13 @@ class TorqueController:
         dt = self.first.settings.dt
         view, watch = self.watch.look(state.watch, measurement, state.first.q, state.first.v, dt)
         sought, way = self._sought(state, view.seeks, dt)
-        record, first = self.first.step(sought, view.measured, view.pace, view.bears)
+        record, first = self.first.step(sought, view.measured, view.pace, view.bears, view.asked)
         goal = self._goal(record, first, view)
         command, second = self.second.step(state.second, goal, view.measured, dt)
         command = command._replace(status=command.status | view.status)
         watch = self.watch.done(watch, goal, command.status)
         tick = LoopTick(_logged(record, command, goal, watch), command, goal)
-        if record.phase != state.first.phase.current:
-            way = np.zeros_like(way)
+        way = np.where(record.mode == ContactMode.FREE, 0.0, way)
         return tick, LoopState(first, second, watch, way)
 
     def _sought(
@@ -114,8 +116,10 @@ class TorqueController:
             return state.first, state.sought
         step = np.where(seeks, np.minimum(_SEEKING * dt, _FURTHEST - state.sought), 0.0)
         contact = state.first.contact
-        inward = -self.first.law.kin.frame[:, :, 2]  # of the last tick, object frame
-        shift = contact.shift + step[:, None] * inward
+        charts = self.first.law.kin.grasp.surface.charts(contact.xi, contact.face)
+        normal = np.cross(charts[:, D_U], charts[:, D_V])  # outward, object frame
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        shift = contact.shift - step[:, None] * normal
         return state.first._replace(contact=contact._replace(shift=shift)), state.sought + step
 
     def _goal(self, record: TickRecord, state: ControllerState, view: View) -> Goal:
@@ -126,19 +130,57 @@ class TorqueController:
         else:
             force = self.set_points.at(record, motion, found)
         arms = record.contact_points - record.object_position
-        if view.spare > 0.0:
-            mode = np.where(view.gone, ContactMode.FREE, record.mode)
-            if record.forces is None:
-                others = self.set_points.at(record._replace(mode=mode), motion, found)
-            else:
-                press = -np.einsum("ir,ir->i", record.contact_normals, force)
-                others = balanced(
-                    press, mode, arms, record.contact_normals, record.forces.wrench,
-                    self.first.law.kin.grasp.planar,
-                )  # fmt: skip
-            others[view.gone] = _feeling(force[view.gone])
-            force = force + view.spare * (others - force)
-        return Goal(record.q, record.v, record.mode, arms, record.contact_normals, force)
+        order = np.argsort(-view.spare)  # who is lost the most first
+        shares, left = view.spare[order], force.copy()
+        for k in range(np.count_nonzero(view.spare)):
+            gone = np.zeros(len(order), dtype=np.bool_)
+            gone[order[: k + 1]] = True
+            last = shares[k + 1] if k + 1 < len(shares) else 0.0
+            if shares[k] > last:  # between two sets of fingers as their shares are: no step
+                others = self._without(gone, record, motion, found, force, arms)
+                left += (shares[k] - last) * (others - force)
+        return Goal(record.q, record.v, record.mode, arms, record.contact_normals, left)
+
+    def _without(
+        self, gone: BoolArray, record: TickRecord, motion: Motion, found: Array | None,
+        force: Array, arms: Array,
+    ) -> Array:  # fmt: skip
+        """Planned forces (N, 3) if some fingers bear nothing; the plan where the others cannot
+        balance the object by pressing."""
+        mode = np.where(gone, ContactMode.FREE, record.mode)
+        normals = record.contact_normals
+        press = -np.einsum("ir,ir->i", normals, force)
+        planner = self.first.planner
+        if record.forces is None:
+            others = self.set_points.at(record._replace(mode=mode), motion, found)
+        else:
+            others = balanced(
+                press, mode, arms, normals, record.forces.wrench, self.first.law.kin.grasp.planar
+            )
+        wanted = -np.einsum("ir,ir->i", normals, others)
+        along = others + wanted[:, None] * normals
+        wanted = np.maximum(wanted, 0.0)  # a contact only pushes
+        if planner is not None:
+            drag = np.maximum(np.linalg.norm(along, axis=1), 1e-9)
+            along *= np.minimum(1.0, planner.settings.mu * wanted / drag)[:, None]
+        others = along - wanted[:, None] * normals
+        change = others - force
+        if record.forces is None and found is not None:  # as `balanced`: what they do bear counts
+            fixed = (record.mode == ContactMode.FIXED)[:, None]
+            change = np.where(fixed, np.where(gone[:, None], found - force, change), 0.0)
+        lost = float(np.linalg.norm(force[gone], axis=1).sum())
+        # what stays open, in parts of what was lost: all up to a quarter, none from 3/4 on
+        part = min(1.0, max(0.0, 1.5 - 2.0 * _wrench_size(change, arms) / max(lost, PRESSING)))
+        better: Array = force + part * (others - force)
+        better[gone] = _feeling(force[gone])
+        return better
+
+
+def _wrench_size(force: Array, arms: Array) -> float:
+    """Size of the wrench of forces (N, 3) [N], moments at the distance of the furthest contact."""
+    length = max(float(np.max(np.linalg.norm(arms, axis=1))), 1e-9)
+    moment = np.cross(arms, force).sum(axis=0) / length
+    return float(np.hypot(np.linalg.norm(force.sum(axis=0)), np.linalg.norm(moment)))
 
 
 def _feeling(force: Array) -> Array:

@@ -12,7 +12,8 @@ rest, its weight and its part of the planned forces, a finger goes on pressing a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, final
+from numbers import Real
+from typing import Any, NamedTuple, final
 
 import numpy as np
 
@@ -66,8 +67,8 @@ class WatchState(NamedTuple):
         share: of the way from a stand to full speed.
         readings: of the sensors.
         off: (N,) ticks in a row in which a finger that is to press was not felt.
-        gone: (N,) fingers whose part in the planned forces others have.
-        spare: how much of it, in [0, 1].
+        sensed: (N,) fingers of which a force has ever been measured.
+        spare: (N,) how much of a finger's part in the planned forces others have, in [0, 1].
         over: ticks in a row with a joint at its limit.
         stamp: of the last measurement [s]; NaN where there was none.
         late: ticks in a row that were late or out of order; `overruns`: in all.
@@ -77,8 +78,8 @@ class WatchState(NamedTuple):
     share: float
     readings: ReadingState
     off: IntArray
-    gone: BoolArray
-    spare: float
+    sensed: BoolArray
+    spare: Array
     over: int
     stamp: float
     late: int
@@ -94,19 +95,21 @@ class View(NamedTuple):
     Attributes:
         measured: complete and finite; what was given, where all of it was good.
         pace: of this tick's references.
-        bears: (N,) fingers that press as they should, or are not to; None where it is not measured.
+        bears: (N,) fingers that are felt to touch, and those that never had a sensor; None where
+            no forces were ever measured.
+        asked: (N,) fingers that are to press.
         seeks: (N,) fingers that have been off for so long that they are to look for the object.
-        gone, spare: (N,) fingers without which the others are to balance the object, and how far
-            the forces have passed to that.
+        spare: (N,) how far the forces have passed to those with which the others balance the
+            object without a finger.
         status: what was found.
     """
 
     measured: Measurement
     pace: float
     bears: BoolArray | None
+    asked: BoolArray
     seeks: BoolArray
-    gone: BoolArray
-    spare: float
+    spare: Array
     status: TorqueStatus
 
 
@@ -132,7 +135,9 @@ class Watch:
         n = self._count
         none, forces = np.zeros(n, dtype=np.int64), np.zeros((n, 3))
         first = self._readings.init()
-        return WatchState(1.0, first, none, none > 0, 0.0, 0, np.nan, 0, 0, none, forces, forces)
+        return WatchState(
+            1.0, first, none, none > 0, np.zeros(n), 0, np.nan, 0, 0, none, forces, forces
+        )
 
     def look(
         self, state: WatchState, measured: Measurement, q: Array, v: Array, dt: float
@@ -153,13 +158,13 @@ class Watch:
         wanted = 1.0
         if status & (TorqueStatus.BLIND | TorqueStatus.FROZEN) or state.late >= self.settings.late:
             wanted = 0.0
-        error = np.max(np.where(readings.good_q, np.abs(usable.q - q), 0.0) / self._hold)
+        error = np.max(np.abs(usable.q - q) / self._hold)
         if error > 0.5:
             status |= TorqueStatus.TRACKING
             wanted = min(wanted, max(0.0, 2.0 - 2.0 * float(error)))
-        bears, state = self._felt(state, usable)
+        bears, asked, state = self._felt(state, usable)
         lost = state.off * dt >= self.settings.lost
-        state = _passed_on(state, lost, dt)
+        state = state._replace(spare=_passed_on(state.spare, lost, dt))
         if lost.any():
             status |= TorqueStatus.CONTACT_LOST
             wanted = 0.0
@@ -170,8 +175,8 @@ class Watch:
         pace = pace_of(share)
         if pace < 1.0:
             status |= TorqueStatus.SLOWED if pace > 0.0 else TorqueStatus.HELD
-        seeks = state.off * dt >= self.settings.lost + _PATIENCE
-        view = View(usable, pace, bears, seeks, state.gone, state.spare, status)
+        seeks = (state.off * dt >= self.settings.lost + _PATIENCE) & readings.good_force
+        view = View(usable, pace, bears, asked, seeks, state.spare, status)
         return view, state._replace(share=share)
 
     def done(self, state: WatchState, goal: Goal, status: TorqueStatus) -> WatchState:
@@ -183,9 +188,12 @@ class Watch:
         self, state: WatchState, measured: Measurement, dt: float
     ) -> tuple[WatchState, TorqueStatus]:
         """Whether the measurement comes in time and in order; only where it has a stamp."""
-        stamp = getattr(measured, "stamp", None)
-        if not isinstance(stamp, float) or not np.isfinite(stamp):
+        given = getattr(measured, "stamp", None)
+        if given is None:
             return state._replace(late=0), TorqueStatus.OK
+        stamp = _number(given)
+        if not np.isfinite(stamp):
+            return state, TorqueStatus.BAD_MEASUREMENT
         passed = stamp - state.stamp
         status = TorqueStatus.OK
         if passed <= 0.0:
@@ -198,26 +206,30 @@ class Watch:
 
     def _felt(
         self, state: WatchState, measured: Measurement
-    ) -> tuple[BoolArray | None, WatchState]:
-        """Who presses as planned a tick ago, and for how long the others have not."""
-        force = measured.force
-        if force is None or not state.readings.good_force.any():
-            return None, state._replace(off=np.zeros_like(state.off))
+    ) -> tuple[BoolArray | None, BoolArray, WatchState]:
+        """Who is felt, who was planned to press a tick ago, and for how long who was not felt."""
+        good = state.readings.good_force
+        sensed = state.sensed | good
+        force = state.plan if measured.force is None else measured.force
         inward = -state.normals
         planned = np.einsum("ir,ir->i", inward, state.plan)
         touches = np.einsum("ir,ir->i", inward, force) >= _FELT
-        should = (state.mode != ContactMode.FREE) & (planned >= PRESSING)
-        missed = should & ~touches & state.readings.good_force
-        off = np.where(missed, state.off + 1, 0)
-        return touches | ~should, state._replace(off=off)
+        asked = (state.mode != ContactMode.FREE) & (planned >= PRESSING)
+        # a reading that cannot be used neither finds a contact nor loses it
+        off = np.where(asked & ~(touches & good), state.off + (good & ~touches), 0)
+        state = state._replace(off=off, sensed=sensed)
+        return (touches & good) | ~sensed if sensed.any() else None, asked, state
 
 
-def _passed_on(state: WatchState, lost: BoolArray, dt: float) -> WatchState:
-    """Who is left out of the planned forces, without a step."""
-    if lost.any():
-        spare = min(1.0, state.spare + dt / _TAKEN)
-        return state._replace(gone=state.gone | lost, spare=spare)
-    if state.spare == 0.0:
-        return state
-    spare = max(0.0, state.spare - dt / _GIVEN)
-    return state._replace(gone=state.gone & (spare > 0.0), spare=spare)
+def _passed_on(spare: Array, lost: BoolArray, dt: float) -> Array:
+    """How far fingers (N,) are left out of the planned forces a tick later, without a step."""
+    taken, given = np.minimum(1.0, spare + dt / _TAKEN), np.maximum(0.0, spare - dt / _GIVEN)
+    return np.where(lost, taken, given)
+
+
+def _number(value: Any) -> float:
+    """A time as a driver hands it over; NaN where it is no real number."""
+    try:
+        return float(value) if isinstance(value, Real) else np.nan
+    except (OverflowError, TypeError, ValueError):
+        return np.nan
