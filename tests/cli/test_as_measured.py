@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 
 from wbc.cli.as_measured import as_measured
+from wbc.cli.pictures import with_table
 from wbc.cli.replay import open_film
 from wbc.cli.run import _truly
 from wbc.cli.session import run_meta
@@ -21,7 +22,7 @@ from wbc.scenario import Scenario, load
 from wbc.scenario.build import build
 from wbc.scenario.build_dynamics import build_dynamics
 from wbc.sim import dynamic, kinematic
-from wbc.view.from_robot import SnapshotMaker
+from wbc.view.from_robot import SnapshotMaker, robot_scene
 
 FIGURES = ("object_error", "eps_f", "eps_m", "task_error")
 
@@ -121,3 +122,21 @@ def test_the_panel_shows_the_true_object_and_what_gave_way_live_and_again(tmp_pa
     assert shot.error == pytest.approx((way[last], angle[last]))
     assert again.error == pytest.approx(shot.error)
     assert again.status == shot.status and "contact lost" in shot.status
+
+
+def test_the_picture_has_the_table_with_posts_up_to_the_object() -> None:
+    assembly = build(load("dual_arm_exchange_mujoco"))
+    scenario, grasp = assembly.loaded.scenario, assembly.controller.law.kin.grasp
+    bare = robot_scene(assembly.model, grasp, title="")
+    top, *posts = with_table(bare, scenario, grasp).shapes[len(bare.shapes) :]
+    table, thing = scenario.simulation.physics.table, scenario.object
+    assert table is not None and thing is not None and table.height is not None
+    assert top.placement[2, 3] + 0.5 * top.size[2] == pytest.approx(table.height)
+    assert len(posts) == 4
+    for post, across in zip(posts, table.posts, strict=True):
+        assert post.placement[:2, 3] == pytest.approx(np.array(thing.pose.xyz[:2]) + across)
+        middle, half = post.placement[2, 3], 0.5 * post.size[2]
+        assert middle - half == pytest.approx(table.height)
+        assert table.height + 0.1 < middle + half < thing.pose.xyz[2]
+    ideal = build(load("planar_exchange_dynamic"))
+    assert with_table(bare, ideal.loaded.scenario, grasp) is bare

@@ -1,7 +1,8 @@
-"""What of a run's forces is shown, the same while it goes on and when it is shown again."""
+"""What is shown of a run's forces and of its table, live and when it is shown again."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,10 +10,15 @@ import numpy as np
 from wbc.contact.grasp import Grasp
 from wbc.recording import RunMeta
 from wbc.robot.model import RobotModel
+from wbc.rotations import rotation_from_quaternion
 from wbc.scenario import Scenario
 from wbc.scenario.build_dynamics import limits_of_torques, true_body, true_physics
+from wbc.sim.mujoco_table import underside
 from wbc.view.forces import LENGTH, ArrowMaker
+from wbc.view.scene import Scene, SceneShape
 
+_THICK, _POST, _STALK = 0.02, 0.006, 0.05
+"""A table top; posts across, and what is drawn of one that stands on nothing, [m]."""
 _PLANAR_LENGTH = 0.3  # as `LENGTH`, in the plane, where robots are as large as the object, [m]
 
 
@@ -28,6 +34,30 @@ class ForcePictures(NamedTuple):
     arrows: ArrowMaker | None
     friction: tuple[float, ...]
     measured: bool
+
+
+def with_table(scene: Scene, scenario: Scenario, grasp: Grasp) -> Scene:
+    """The scene with what the object lies on at the start, where the object is believed to be."""
+    thing, table = scenario.object, scenario.simulation.physics.table
+    if thing is None or table is None or scenario.simulation.engine != "mujoco":
+        return scene  # other engines have none
+    place, size = np.array(thing.pose.xyz, dtype=np.float64), np.array(table.size)
+    rotation = rotation_from_quaternion(np.array(thing.pose.xyzw))
+    boxes = []
+    if table.height is not None:
+        boxes.append((place[:2], table.height - _THICK, table.height, size))
+    for across in table.posts:
+        point, _ = underside(grasp.surface, rotation, np.array(across))
+        high = float(place[2] + rotation[2] @ point)
+        low = high - _STALK if table.height is None else table.height
+        boxes.append((place[:2] + across, low, high, np.full(2, _POST)))
+    shapes = []
+    for k, (middle, low, high, wide) in enumerate(boxes):
+        at = np.eye(4)
+        at[:3, 3] = *middle, 0.5 * (low + high)
+        edges = (float(wide[0]), float(wide[1]), high - low)
+        shapes.append(SceneShape(f"table {k}", "box", size=edges, placement=at))
+    return replace(scene, shapes=(*scene.shapes, *shapes))
 
 
 def force_pictures(

@@ -16,7 +16,7 @@ from typing import final
 import numpy as np
 
 from wbc.cli.as_measured import as_measured
-from wbc.cli.pictures import force_pictures
+from wbc.cli.pictures import force_pictures, with_table
 from wbc.cli.progress import SlowNotice
 from wbc.cli.session import LOG, ROBOT
 from wbc.contact.grasp import Grasp
@@ -182,6 +182,7 @@ def open_film(run: str) -> Film:
         friction=forces.friction,
         measured=forces.measured,
     )
+    scene = with_table(scene, scenario, grasp)
     return Film(path, log, scenario, scene, model, grasp, forces.arrows)
 
 

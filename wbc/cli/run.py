@@ -16,7 +16,7 @@ import numpy as np
 
 from wbc.arrays import Array
 from wbc.cli.interrupt import Interrupts
-from wbc.cli.pictures import force_pictures
+from wbc.cli.pictures import force_pictures, with_table
 from wbc.cli.progress import Progress, SlowNotice
 from wbc.cli.report import report_lines
 from wbc.cli.session import (
@@ -124,6 +124,7 @@ class _Viewer:
             friction=forces.friction,
             measured=forces.measured,
         )
+        scene = with_table(scene, scenario, controller.law.kin.grasp)
         self._maker = SnapshotMaker(model, controller.task_names, shown, bool(main), forces.arrows)
         self._first: TickRecord | None = None
         self._live = LiveView(scene, arguments.port, open_browser=not arguments.no_browser)
