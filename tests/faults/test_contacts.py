@@ -7,10 +7,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tests.faults.injection import DT, Run, run
+from tests.faults.injection import DT, NAME, Run, run
+from wbc.contact.grasp import ContactMode
 from wbc.control.force_control import TorqueStatus
 from wbc.control.state import Measurement
 from wbc.recording.dynamic_facts import normal_forces, object_error_true
+from wbc.scenario import load
+from wbc.scenario.build import build
+from wbc.scenario.build_dynamics import build_dynamics
 
 
 def worst(found: Run) -> float:
@@ -60,6 +64,63 @@ def test_a_giver_waits_for_a_receiver_that_is_not_felt() -> None:
     print("waits", waits, "plain", plain)
     assert waits[0] == plain and len(waits) >= 8
     assert found.phase("leave")[0] == waits[-1] + 1
+
+
+@pytest.mark.parametrize("all_of_them", [False, True])
+def test_a_giver_does_not_let_go_when_the_forces_are_no_longer_measured(all_of_them: bool) -> None:
+    plain = _phase_start("leave")
+
+    def seen(k: int, m: Measurement) -> Measurement:
+        if not plain - 3 <= k < plain + 6:
+            return m
+        if all_of_them:
+            return m._replace(force=None)
+        force = m.force.copy()
+        force[3] = np.nan
+        return m._replace(force=force)
+
+    found = run(plain + 30, seen=seen)
+    assert list(found.waits()) == list(range(plain, plain + 6))
+    assert found.phase("leave")[0] == plain + 6
+
+
+def test_a_second_loss_does_not_step_the_planned_forces() -> None:
+    """f4 goes while it is being given the object, and f3, which pressed against it, soon after."""
+    start = _phase_start("hand_over")
+    found = run(start + 150, lost={"f4": (DT * start + 0.2, 99.0)})
+    planned, _ = normal_forces(found.log)
+    steps = np.abs(np.diff(found.log.contact_force_plan, axis=0)).max(axis=(1, 2))[start + 105 :]
+    print(steps.max(), planned.min(), worst(found))
+    assert steps.max() < 1.0  # from 13 N to nothing takes 50 ms
+    assert planned.min() > -1e-9
+    assert worst(found) < 10.0
+
+
+def test_a_tick_in_which_a_finger_looks_for_the_object_depends_on_the_state_alone() -> None:
+    assembly = build(load(NAME, {}))
+    dynamics = build_dynamics(assembly)
+    assert dynamics is not None
+    control, start = dynamics.control(assembly.controller), assembly.controller.law.kin.start
+    sensed = dynamics.plant.reset(assembly.start.q, np.zeros(14), start.position, start.rotation)
+    loop, mode = control.init(assembly.start), np.full(4, -1)
+    early = None
+    for k in range(660):
+        m = sensed.measurement
+        if k > 550:  # f3 slides along the object
+            force = m.force.copy()
+            force[2] = 0.0
+            m = m._replace(force=force)
+        before, (tick, loop) = loop, control.step(loop, m)
+        early = (before, m) if k == 5 else early
+        if not np.array_equal(mode, tick.record.mode):
+            mode = tick.record.mode
+            dynamics.plant.treat(mode)
+        sensed = dynamics.plant.step(tick.command.tau, DT)
+    assert before.sought[2] > 0.0 and mode[2] == ContactMode.SLIDING and early is not None
+    control.step(*early)
+    again, other = control.step(before, m)
+    np.testing.assert_array_equal(again.command.tau, tick.command.tau)
+    np.testing.assert_array_equal(other.first.contact.shift, loop.first.contact.shift)
 
 
 def _phase_start(name: str) -> int:
