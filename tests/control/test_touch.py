@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from wbc.contact.grasp import ContactMode, ContactState, Grasp
 from wbc.contact.surfaces import Box, Cylinder, Sphere, Surface
-from wbc.control.phases import SURE
+from wbc.control.phases import SURE, PhaseSequence
 from wbc.control.phases import _sensed as sensed
 from wbc.control.state import ControllerState, Measurement, TickRecord
 from wbc.control.touch import Felt, displacement, found
@@ -230,13 +231,50 @@ def test_pressing_is_waited_for(ball: Assembly) -> None:
     assert 600 + SURE - 1 <= lift <= 600 + SURE + 1
 
 
+def test_what_is_felt_far_from_the_object_is_not_the_object(ball: Assembly) -> None:
+    """Noise in the air, or another thing: the finger stops, and nobody grips on it."""
+    run = driven(ball, lambda k, record: press(record, {i: 1.0 for i in range(3)}), 1100)
+    first, last = run[0][1].phase, run[-1][1].phase
+    assert last.current == first.current and last.stopped
+    np.testing.assert_array_equal(run[-1][1].contact.shift, 0.0)
+
+
+def test_a_timeout_that_goes_on_keeps_what_was_touched(ball: Assembly) -> None:
+    phases = list(ball.controller.phases.phases)
+    k = next(i for i, phase in enumerate(phases) if phase.name == "close")
+    phases[k] = replace(phases[k], on_timeout="next", timeout=1.0)
+    sequence = PhaseSequence(tuple(phases))
+    late = replace(ball, controller=ball.controller.like(sequence, ball.controller.settings))
+
+    def felt(tick: int, record: TickRecord) -> np.ndarray:
+        return press(record, {0: 0.3, 1: 0.3} if tick >= 230 else {})
+
+    run = driven(late, felt, 700)
+    first = next(j for j, (_, state) in enumerate(run) if state.contact.mode.any())
+    record, state = run[first]
+    assert "close" in state.phase.timeouts
+    assert np.nanmax(record.object_error[:2]) < 1e-6  # who touched sees the object where it was
+
+
+@pytest.mark.parametrize(
+    "strange",
+    [["0.1"] * 47, [10**400] * 47, np.full(47, 1j), object(), np.full(3, 0.1), np.full(47, np.nan)],
+    ids=["text", "huge", "complex", "object", "size", "nan"],
+)
+def test_what_is_no_measurement_is_no_exception(ball: Assembly, strange: Any) -> None:
+    state = closing(ball)
+    for measured in (Measurement(strange), Measurement(state.q, state.q, strange)):
+        record, after = ball.controller.step(state, measured)
+        assert np.isfinite(record.v).all() and np.isfinite(after.q).all()
+
+
 def test_where_no_forces_are_planned_no_press_is_enough(ball: Assembly) -> None:
     """A first tick without a feasible plan has forces of 0: no object is to be lifted on them."""
     phase = ball.controller.phases.phases[3]
     assert phase.name == "grip" and phase.until.press == 0.7
     state = closing(ball).phase._replace(current=3)
     kin = ball.controller.law.kin
-    felt = Felt(np.full(6, 5.0), np.zeros((6, 3)))
+    felt = Felt(np.full(6, 5.0), np.zeros((6, 3)), np.zeros(6))
     for planned, steady in ((np.zeros(6), 0), (np.full(6, 2.0), 1), (None, 0)):
         assert sensed(phase, state, kin, felt, planned).steady == steady
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from wbc.arrays import Array
 from wbc.control.law import Law
+from wbc.control.numbers import finite
 from wbc.control.phases import PhaseSequence
 from wbc.control.state import Measurement
 from wbc.errors import SetupError
@@ -82,8 +82,4 @@ def controller(
 
 def usable(measurement: Measurement, nv: int) -> bool:
     """Whether a measurement, whatever it is, holds nv finite positions."""
-    try:
-        q = np.asarray(measurement.q, dtype=np.float64)
-    except (AttributeError, TypeError, ValueError):
-        return False
-    return q.shape == (nv,) and math.isfinite(q.sum())
+    return finite(getattr(measurement, "q", None), (nv,)) is not None

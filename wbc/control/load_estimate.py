@@ -18,6 +18,7 @@ import numpy as np
 
 from wbc.arrays import Array
 from wbc.compiled import kernel
+from wbc.control.numbers import numbers
 from wbc.control.payload import Body
 from wbc.rotations import cross
 
@@ -123,7 +124,7 @@ class LoadEstimate:
             twist, acceleration, gravity: as in `wrench_to_supply`.
             dt: [s] since the sample before.
         """
-        tips = _numbers(force, arm.shape)
+        tips = numbers(force, arm.shape)
         if tips is None or not dt > 0.0:
             return state
         now, com = self.body(believed, state), np.empty(3)
@@ -141,12 +142,3 @@ class LoadEstimate:
         extra = state.mass + share * (mass - now.mass)
         low, high = self.least - 1.0, self.most - 1.0
         return LoadState(min(max(extra, low * believed.mass), high * believed.mass), shift)
-
-
-def _numbers(given: Array | None, shape: tuple[int, ...]) -> Array | None:
-    """What is given as floats, whatever it is; None where it is missing or of another shape."""
-    try:
-        values = np.ascontiguousarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        return None
-    return values if given is not None and values.shape == shape else None

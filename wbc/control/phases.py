@@ -19,6 +19,11 @@ from wbc.rotations import log_so3
 SURE = 3
 """Ticks in a row in which something must be felt: a single one may be noise."""
 
+_ASTRAY, _ELSEWHERE = 5e-3, -1
+"""How much further than it is to search a finger may feel something, and still believe that it is
+the object [m]; the count of one that felt something elsewhere: it stops, and the phase does not
+end."""
+
 _PRESSING = 0.1
 """Planned force [N] above which a finger is to press: below, it begins to, or is about to leave."""
 
@@ -263,7 +268,7 @@ class PhaseSequence:
         if t - state.since >= phase.timeout - 1e-9 and phase.name not in state.timeouts:
             state = state._replace(timeouts=(*state.timeouts, phase.name))
             if phase.on_timeout == "next":
-                return self._enter_next(state, t, kin)._replace(timed_out=True)
+                return self._enter_next(state, t, kin, felt)._replace(timed_out=True)
             stopped = phase.on_timeout == "stop"
             return Transition(state._replace(stopped=stopped), kin.state, False, True)
         return Transition(state, kin.state, False, False)
@@ -321,7 +326,7 @@ class PhaseSequence:
         index = state.current + 1
         mode = self.phases[index].mode
         if felt is not None and self.phases[state.current].until.touch is not None:
-            touching = np.array(state.felt) >= SURE
+            touching = np.array(state.felt or (0,) * kin.grasp.count) >= SURE
             contact = found(kin.grasp, kin.state, felt.tips, touching & (mode != ContactMode.FREE))
             kin.update(kin.robot.q, contact, kin.reference)
         motion = self.begin(index, t, kin, state.motion)
@@ -347,10 +352,12 @@ def _sensed(
     before, motion = state.felt or (0,) * n, state.motion
     counts, tips = list(before), None
     for i in np.flatnonzero(np.isfinite(phase.reach)).tolist():
-        if counts[i] >= SURE:
+        if not 0 <= counts[i] < SURE:
             continue
         counts[i] = counts[i] + 1 if felt.press[i] >= until.touch else 0
         if counts[i] == SURE:
+            if abs(felt.gap[i]) > phase.search + _ASTRAY:
+                counts[i] = _ELSEWHERE
             tips = np.array(motion.tips) if tips is None else tips
             tips[:, i] = (kin.robot.position[i] - kin.object_position) @ kin.object_rotation
     if tips is not None:

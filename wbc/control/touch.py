@@ -15,12 +15,16 @@ from wbc.arrays import Array, BoolArray
 from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.contact.grasp import ContactState, Grasp
 from wbc.contact.surfaces import Surface
+from wbc.control.numbers import finite
 from wbc.control.state import Measurement
 from wbc.robot.kinematics import Kinematics
 from wbc.robot.model import RobotModel
 
 _PRIOR, _SENSED = 5e-3, 1e-3
 """Standard deviations of where the object is believed and of a measured tip [m]."""
+
+_FURTHEST = 3.0 * _PRIOR
+"""No displacement of the object is taken for larger [m]."""
 
 _ROUNDS = 5
 """Gauss-Newton steps of `displacement`: it is nearly linear."""
@@ -33,10 +37,12 @@ class Felt(NamedTuple):
         press: (N,) measured normal force [N]; +inf where no force is measured and the tip is at or
             inside the believed surface, NaN where the sensors give no number.
         tips: (N, 3) measured places of the tips, in the object's believed frame [m].
+        gap: (N,) between pad and believed surface, negative inside [m].
     """
 
     press: Array
     tips: Array
+    gap: Array
 
 
 @final
@@ -57,26 +63,19 @@ class TouchSense:
     def read(self, kin: ExtendedKinematics, measured: Measurement | None) -> Felt:
         """What is felt where `kin` has been updated."""
         q, n = kin.robot.q, kin.grasp.count
-        if measured is not None and usable(getattr(measured, "q", None), q.shape):
-            q = np.where(self._own, measured.q, q)
+        seen = finite(getattr(measured, "q", None), q.shape)
+        if seen is not None:
+            q = np.where(self._own, seen, q)
         tips = (self._kin.update(q).position[:n] - kin.object_position) @ kin.object_rotation
-        force = getattr(measured, "force", None)
-        if force is not None:
-            normals = kin.frame[:, :, 2] @ kin.object_rotation.T
-            force = np.asarray(force) if usable(force, (n, 3)) else np.full((n, 3), np.nan)
-            return Felt(-np.einsum("ir,ir->i", normals, force), tips)
-        level = np.array([kin.grasp.surface.level(tip) for tip in tips])
-        there = level <= kin.grasp.rest_length
-        return Felt(np.where(there, np.inf, 0.0), tips)
-
-
-def usable(values: object, shape: tuple[int, ...]) -> bool:
-    """Whether these are finite numbers of a shape."""
-    try:
-        array = np.asarray(values, dtype=np.float64)
-    except (AttributeError, TypeError, ValueError):
-        return False
-    return array.shape == shape and bool(np.isfinite(array).all())
+        level = np.array([kin.grasp.surface.level(tip) for tip in tips]) - kin.grasp.rest_length
+        given = getattr(measured, "force", None)
+        if given is None:
+            return Felt(np.where(level <= 0.0, np.inf, 0.0), tips, level)
+        force = finite(given, (n, 3))
+        if force is None:
+            return Felt(np.full(n, np.nan), tips, level)
+        normals = kin.frame[:, :, 2] @ kin.object_rotation.T
+        return Felt(-np.einsum("ir,ir->i", normals, force), tips, level)
 
 
 def displacement(surface: Surface, tips: Array, reach: Array) -> Array:
@@ -95,6 +94,7 @@ def displacement(surface: Surface, tips: Array, reach: Array) -> Array:
         slope = np.array([surface.level_gradient(p - d) for p in tips]).reshape(-1, 3)
         gap = np.array([surface.level(p - d) for p in tips]) - reach
         d = d + np.linalg.solve(slope.T @ slope + prior * np.eye(3), slope.T @ gap - prior * d)
+        d *= min(1.0, _FURTHEST / max(float(np.linalg.norm(d)), 1e-12))
     return d
 
 
