@@ -220,13 +220,13 @@ def test_a_touch_before_the_believed_place_becomes_the_contact_point(ball: Assem
 def test_pressing_is_waited_for(ball: Assembly) -> None:
     def felt(k: int, record: TickRecord) -> np.ndarray:
         planned = record.forces.force if record.forces is not None else np.zeros((6, 3))
-        share = 0.2 if k < 200 or record.forces is None else (0.5 if k < 600 else 0.9)
-        touch = press(record, {0: 0.3, 1: 0.3, 2: 0.3})
+        share = 0.2 if k < 300 or record.forces is None else (0.5 if k < 600 else 0.9)
+        touch = press(record, {i: 0.3 for i in range(3) if k >= 220})  # about where it is believed
         return touch if not record.mode.any() else share * planned
 
     run = driven(ball, felt, 700)
     grip = next(k for k, (_, s) in enumerate(run) if s.phase.current == run[0][1].phase.current + 1)
-    assert grip < 200
+    assert grip < 240
     lift = next(k for k, (_, s) in enumerate(run) if s.phase.current == run[0][1].phase.current + 2)
     assert 600 + SURE - 1 <= lift <= 600 + SURE + 1
 
