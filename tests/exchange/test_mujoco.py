@@ -75,7 +75,7 @@ def test_the_fixture_lets_go_when_its_phase_begins() -> None:
         ({f"{PHYSICS}.control": "continuous"}, "continuous is of the compliant engine"),
         ({f"{PHYSICS}.table": "{posts: [[1 m, 0 m]]}"}, "nothing of the object is above"),
         ({f"{PHYSICS}.table.posts": "[[0 m, 5 cm], [0 m, 10 cm], [1 mm, 15 cm]]"}, "towards -y"),
-        ({f"{PHYSICS}.table.height": "60 cm"}, "above the object's underside: at most 0.57"),
+        ({f"{PHYSICS}.table.height": "60 cm"}, "above the object's underside: at most 0.474"),
     ],
 )
 def test_what_does_not_fit_is_said_with_its_place(settings: dict[str, str], said: str) -> None:
