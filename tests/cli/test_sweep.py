@@ -168,7 +168,7 @@ def test_more_trials_are_added_and_fewer_take_none_away(
 def test_what_is_said(reference: tuple[Path, str]) -> None:
     said = reference[1].splitlines()
     assert said[0].startswith(f"success        0 of {TRIALS}, 0.0 % (95 % confidence: 0.0 to ")
-    first = "the run ended at # s in phase 'approach' (first: trial 0)"
+    first = "not_finished in phase 'approach' (first: trial 0)"
     assert " ".join(said[1].split()) == f"{TRIALS} {first}"
     assert said[-1] == "written to out: trials.jsonl, report.html"
     page = (reference[0] / "report.html").read_text()

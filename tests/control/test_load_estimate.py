@@ -212,9 +212,10 @@ def test_without_forces_the_load_is_the_one_believed(measured: str) -> None:
 
 def test_it_stands_still_while_contacts_pass() -> None:
     """The second phase ends with fewer contacts than it has: its forces pass on to those."""
-    two = {"r_thumb": "fixed", "r_index": "fixed"}
+    two = {"r_thumb": "fixed", "r_middle": "fixed"}
     phases = [STILL, {**HOLD, "name": "pass"}, {**HOLD, "name": "two", "contacts": two}]
-    given = {"friction": 0.7, "estimate": {"phase": "lift"}}
+    soft = {"model": "soft_finger", "friction": 0.7, "torsion": "6 mm"}  # two of them can hold it
+    given = {**soft, "estimate": {"phase": "lift"}}
     assembly = holding(phases=phases, forces=given)
     state, masses = assembly.start, list[list[float]]([[], [], []])
     for _ in range(700):
