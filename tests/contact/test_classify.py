@@ -97,6 +97,7 @@ def three_fingers():
             xi=grasp.at.copy(),
             face=grasp.face.copy(),
             pivot=np.stack([exp_so3(np.array([0.3 * k, 0.2, -0.1])) for k in range(3)]),
+            shift=np.zeros((3, 3)),
         )
         reference = world.reference._replace(reach=grasp.rest_length, reach_rate=np.zeros(3))
         return classify(kin.update(world.q, state, reference))

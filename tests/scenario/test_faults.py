@@ -86,8 +86,8 @@ ONE_FAULT = [
      "the upper one"),
     ("after: 2 s", "after: ^1 s", "phases[0].timeout.after: comes no later than until.time, so the "
      "phase cannot succeed"),
-    ("{time: 1 s}", "^{}", "phases[0].until: is empty: give time, residual, tip_error, distance or "
-     "force_closure"),
+    ("{time: 1 s}", "^{}", "phases[0].until: is empty: give time, residual, tip_error, distance, "
+     "force_closure, touch or press"),
     # between blocks
     ("[main, wrist]", "[main, ^rist]", "unknown task 'rist' (did you mean 'wrist'?)"),
     ("[main, wrist]", "[main, wrist, ^wrist]", "stack.priority[2]: 'wrist' is listed twice"),

@@ -33,7 +33,7 @@ def _forces(read: list[Measurement]) -> np.ndarray:
 
 def test_perfect_sensors_see_the_truth() -> None:
     seen = Sensors(Disturbance(seed=3), DT).read(_truth(5))
-    for got, true in zip(seen, (_truth(5).q, _truth(5).v, _truth(5).force), strict=True):
+    for got, true in zip(seen[:3], (_truth(5).q, _truth(5).v, _truth(5).force), strict=True):
         assert got is not None
         assert np.array_equal(got, true)
 
