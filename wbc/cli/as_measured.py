@@ -11,8 +11,9 @@ from wbc.arrays import Array, IntArray
 from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.contact.grasp import ContactState, Grasp, ObjectReference, equilibrium_residuals
 from wbc.contact.surfaces import Surface
-from wbc.contact.surfaces.base import D_U, D_V, POINT
+from wbc.contact.surfaces.base import POINT
 from wbc.contact.surfaces.closest import follow
+from wbc.contact.surfaces.foot import flat, is_foot, sought
 from wbc.control.task_stack import TaskStack
 from wbc.recording import Log
 from wbc.robot.kinematics import Kinematics
@@ -25,7 +26,6 @@ _SUBTASKS: Final = (
     "equilibrium_force", "equilibrium_moment", "manipulability", "palm_distance",
 )  # fmt: skip
 """Tasks that are functions of where things are, and of no target that moved in the run."""
-_ASTRAY: Final = 1e-6  # [m] beside its foot at which a foot is sought anew
 _NO_GAIN: Final = 1.0  # nothing is moved here
 
 
@@ -97,22 +97,14 @@ class _Feet:
         return state._replace(shift=points - self._records[:, POINT])
 
     def _follow(self, points: Array) -> None:
-        if self._surface.planar:
-            points = points * (1.0, 1.0, 0.0)
+        surface, points = self._surface, flat(self._surface, points)
         started = bool(np.isfinite(self._records).all())
         if started:
-            follow(self._surface, points, self._xi, self._face, self._records)
+            follow(surface, points, self._xi, self._face, self._records)
         for i, p in enumerate(points):
-            if started and self._there(i, p):
-                continue
-            self._xi[i], self._face[i] = self._surface.project(p)
-            self._records[i] = self._surface.charts(self._xi[i : i + 1], self._face[i])[0]
-
-    def _there(self, i: int, p: Array) -> bool:
-        gap, c_u, c_v = p - self._records[i, POINT], self._records[i, D_U], self._records[i, D_V]
-        beside = max(abs(gap @ c_u) / np.linalg.norm(c_u), abs(gap @ c_v) / np.linalg.norm(c_v))
-        inside = self._surface.margin(self._xi[i], int(self._face[i])) >= 0.0
-        return bool(inside and beside < _ASTRAY)
+            there = self._xi[i], int(self._face[i]), self._records[i]
+            if not (started and is_foot(surface, *there, p)):
+                self._xi[i], self._face[i], self._records[i] = sought(surface, p)
 
 
 @final

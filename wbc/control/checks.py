@@ -9,9 +9,7 @@ import numpy as np
 
 from wbc.arrays import Array
 from wbc.control.law import Law
-from wbc.control.numbers import finite
 from wbc.control.phases import PhaseSequence
-from wbc.control.state import Measurement
 from wbc.errors import SetupError
 
 if TYPE_CHECKING:
@@ -78,8 +76,3 @@ def controller(
                     f"phase '{phase.name}': no task {k} has a target of {np.size(goal)} numbers "
                     "that can be led"
                 )
-
-
-def usable(measurement: Measurement, nv: int) -> bool:
-    """Whether a measurement, whatever it is, holds nv finite positions."""
-    return finite(getattr(measurement, "q", None), (nv,)) is not None

@@ -17,6 +17,7 @@ from wbc.control.force_planner import ForcePlanner
 from wbc.control.integrator import runge_kutta
 from wbc.control.law import CostForecast, Law, Locks, Motion, Sight, moved
 from wbc.control.limiting import Guarded, finite, guarded, solved, within_limits
+from wbc.control.numbers import finite_reading
 from wbc.control.observe import Seen, observe
 from wbc.control.pace import paced
 from wbc.control.phases import PhaseSequence, unsupported
@@ -340,7 +341,8 @@ class Controller:
     ) -> tuple[Array, Status, Limited]:  # fmt: skip
         """The velocity of q̃ that goes out: within the limits, finite, whatever came in."""
         dt, status = self.settings.dt, Status.OK
-        if measurement is not None and not checks.usable(measurement, len(state.q)):
+        shape = state.q.shape
+        if measurement is not None and finite_reading(measurement, "q", shape) is None:
             status |= Status.BAD_MEASUREMENT
         if not finite(motion):
             status |= Status.BAD_COMMAND

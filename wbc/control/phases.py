@@ -12,7 +12,7 @@ from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.contact.grasp import ContactMode, ContactState, Grasp, equilibrium_residuals
 from wbc.control.observe import Seen
 from wbc.control.references import Aim, Motion, Targets, standing
-from wbc.control.state import PhaseState
+from wbc.control.state import PRESSING, PhaseState
 from wbc.control.touch import Felt, found
 from wbc.rotations import log_so3
 
@@ -23,9 +23,6 @@ _ASTRAY, _ELSEWHERE = 5e-3, -1
 """How much further than it is to search a finger may feel something, and still believe that it is
 the object [m]; the count of one that felt something elsewhere: it stops, and the phase does not
 end."""
-
-_PRESSING = 0.1
-"""Planned force [N] above which a finger is to press: below, it begins to, or is about to leave."""
 
 
 @dataclass(frozen=True)
@@ -344,7 +341,7 @@ def _sensed(
     """Who touches by now, its reference stopped where it is; how long all have pressed enough."""
     until, n = phase.until, len(felt.press)
     if until.press is not None and planned is not None:
-        asked = (phase.mode == ContactMode.FIXED) & (planned > _PRESSING)
+        asked = (phase.mode == ContactMode.FIXED) & (planned > PRESSING)
         up = bool(asked.any() and (felt.press >= until.press * planned)[asked].all())
         state = state._replace(steady=state.steady + 1 if up else 0)
     if until.touch is None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, final
+from typing import NamedTuple, final
 
 import numpy as np
 
 from wbc.arrays import Array, BoolArray, IntArray
 from wbc.control.force_control import TorqueStatus
+from wbc.control.numbers import reading
 from wbc.control.state import Measurement
 
 _BEYOND = 1.0  # [rad] or [m] that a reading may be beyond a joint's limits
@@ -166,17 +167,10 @@ class Readings:
         return state._replace(same=same, way=way, plan=then), stuck
 
 
-def _shaped(measured: Any, name: str, shape: tuple[int, ...]) -> Array:
+def _shaped(measured: Measurement | None, name: str, shape: tuple[int, ...]) -> Array:
     """Readings of a shape, copied; NaN where they are missing, of another size or no numbers."""
-    nothing = np.full(shape, np.nan)
-    try:  # whatever a driver hands over, it must not end the tick
-        found = np.array(getattr(measured, name, None))  # a copy: buffers may be filled again
-        if found.dtype.kind == "O" and any(isinstance(x, str | bytes) for x in found.flat):
-            return nothing
-        if found.shape != shape or found.dtype.kind not in "fiuO":
-            return nothing
-        array = found.astype(np.float64, copy=False)
-    except Exception:
-        return nothing
-    sound = np.abs(array) < _HUGE
-    return array if sound.all() else np.where(sound, array, np.nan)
+    found = reading(measured, name, shape)
+    if found is None:
+        return np.full(shape, np.nan)
+    sound = np.abs(found) < _HUGE
+    return found if sound.all() else np.where(sound, found, np.nan)

@@ -9,7 +9,7 @@ longer ticks and coarser exit conditions.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, NamedTuple, final
 
 import numpy as np
@@ -18,9 +18,10 @@ from wbc.arrays import Array
 from wbc.contact.classify import classify
 from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.contact.grasp import ContactMode, GraspClass
+from wbc.control.coarse import REACHED, coarse_controller
 from wbc.control.controller import Controller
 from wbc.control.force_planner import ForcePlanner
-from wbc.control.phases import ExitCondition, Phase, PhaseSequence
+from wbc.control.phases import Phase
 from wbc.control.plan import Fault, load_fault, loose_fault, plan_faults, through, way_fault
 from wbc.control.references import References
 from wbc.control.state import ControllerState, Measurement, TickRecord
@@ -35,10 +36,6 @@ TICK = 5e-3
 LONGEST = 120.0
 """Where a rehearsal ends at the latest, in the robot's time, [s]: it is to be quick."""
 
-_SHARE = 0.5  # of an error that one tick may take away at the highest gain
-_POSITION = 1e-3  # what counts as reached, [m]
-_RESIDUAL = 1e-3  # what counts as balanced, in the task's units
-_ENDLESS = 5.0  # after its motion, a phase without timeout is given so long, [s]
 _NEAR = 0.5  # of the safety distance: nearer than this, avoidance has lost
 _AT_LIMIT = 1e-3  # a joint this near to its limit stands at it, [rad] or [m]
 _TOUCHING = 0.01  # bodies this near may be what stands in the way, [m]
@@ -135,7 +132,7 @@ def _through_phases(
     controller: Controller, start: ControllerState, tick: float
 ) -> tuple[tuple[Stage, ...], list[Fault]]:
     """The phases up to the first that cannot be finished, and what was found."""
-    coarse = _coarse_controller(controller, tick)
+    coarse = coarse_controller(controller, tick)
     phases, tick = coarse.phases.phases, coarse.settings.dt
     stages: list[Stage] = []
     found = _entered(coarse, start)
@@ -170,38 +167,6 @@ def _through_phases(
 def _told(fault: Fault, found: list[Fault]) -> bool:
     """Whether a finger's contact has its warning already."""
     return any(fault.about == other.about and fault.finger == other.finger for other in found)
-
-
-def _coarse_controller(controller: Controller, tick: float) -> Controller:
-    """The same with long ticks, and with phases that long ticks can finish."""
-    phases = PhaseSequence(tuple(_coarse(phase) for phase in controller.phases.phases))
-    gain = max([controller.law.kin.gain, *controller.law.stack.gain.tolist()])
-    if gain > 0.0:
-        tick = min(tick, max(_SHARE / gain, controller.settings.dt))
-    settings = replace(controller.settings, dt=tick, runge_kutta=False)
-    return controller.like(phases, settings)
-
-
-def _coarse(phase: Phase) -> Phase:
-    """The same phase with exit conditions that a long tick can meet, and an end in any case."""
-    until = phase.until
-    if math.isinf(until.time):
-        until = ExitCondition(time=phase.over)
-    if until.touch is not None:  # the ideal robot feels the surface where it is believed
-        until = replace(until, tip_error=_POSITION)
-    until = replace(
-        until,
-        touch=None,
-        press=None,
-        residuals=tuple((task, max(limit, _RESIDUAL)) for task, limit in until.residuals),
-        tip_error=None if until.tip_error is None else max(until.tip_error, _POSITION),
-        object_error=None if until.object_error is None else max(until.object_error, _POSITION),
-        force_closure=None if until.force_closure is None else max(until.force_closure, _RESIDUAL),
-    )
-    patience = phase.timeout
-    if math.isinf(patience):
-        patience = max(until.time, phase.over) + _ENDLESS
-    return replace(phase, until=until, timeout=patience, on_timeout="stop", search=0.0)
 
 
 def _least(controller: Controller) -> float:
@@ -268,7 +233,7 @@ def _from_afar(
             record.phase,
             fingers[i],
         )
-        for i in np.flatnonzero(touching & (stage.gap > 2.0 * _POSITION))
+        for i in np.flatnonzero(touching & (stage.gap > 2.0 * REACHED))
     ]
 
 
@@ -327,7 +292,7 @@ def _loose(phases: tuple[Phase, ...], stages: list[Stage]) -> list[Fault]:
 
 def _missing(controller: Controller, stage: Stage) -> str:
     """The tips that are not where they should be, furthest first."""
-    far = [i for i in np.argsort(-stage.gap) if stage.gap[i] > _POSITION]
+    far = [i for i in np.argsort(-stage.gap) if stage.gap[i] > REACHED]
     fingers = controller.law.kin.grasp.fingers
     return ", ".join(f"'{fingers[i]}' {1e3 * stage.gap[i]:.1f} mm" for i in far)
 

@@ -13,6 +13,9 @@ from wbc.stack.activation import Activation
 from wbc.stack.limits import Limited
 from wbc.stack.supervisor import StackEvent, StackState
 
+PRESSING = 0.1
+"""Planned normal force from which on a finger is to touch, [N]: below, a touch only begins."""
+
 
 class Status(IntFlag):
     """What gave way in a tick; 0 when nothing did. Never an exception, never a NaN."""

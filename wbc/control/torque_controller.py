@@ -8,14 +8,20 @@ import numpy as np
 
 from wbc.arrays import Array, BoolArray
 from wbc.contact.grasp import ContactMode
-from wbc.contact.surfaces.base import D_U, D_V
+from wbc.contact.surfaces.foot import outward
 from wbc.control.controller import Controller
 from wbc.control.force_control import Command, ForceControl, Goal, TorqueState
 from wbc.control.readings import Readings
 from wbc.control.references import Motion
 from wbc.control.set_points import SetPoints, balanced
-from wbc.control.state import ControllerState, DynamicsRecord, Measurement, TickRecord
-from wbc.control.watch import PRESSING, View, Watch, WatchSettings, WatchState
+from wbc.control.state import (
+    PRESSING,
+    ControllerState,
+    DynamicsRecord,
+    Measurement,
+    TickRecord,
+)
+from wbc.control.watch import View, Watch, WatchSettings, WatchState
 
 _SEEKING = 0.01  # [m/s] at which a finger looks for an object that it has lost
 _FURTHEST = 0.008  # [m] that it goes
@@ -116,9 +122,7 @@ class TorqueController:
             return state.first, state.sought
         step = np.where(seeks, np.minimum(_SEEKING * dt, _FURTHEST - state.sought), 0.0)
         contact = state.first.contact
-        charts = self.first.law.kin.grasp.surface.charts(contact.xi, contact.face)
-        normal = np.cross(charts[:, D_U], charts[:, D_V])  # outward, object frame
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        normal = outward(self.first.law.kin.grasp.surface.charts(contact.xi, contact.face))
         shift = contact.shift - step[:, None] * normal
         return state.first._replace(contact=contact._replace(shift=shift)), state.sought + step
 

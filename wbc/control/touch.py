@@ -15,7 +15,9 @@ from wbc.arrays import Array, BoolArray
 from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.contact.grasp import ContactState, Grasp
 from wbc.contact.surfaces import Surface
-from wbc.control.numbers import finite
+from wbc.contact.surfaces.base import POINT
+from wbc.contact.surfaces.foot import outward
+from wbc.control.numbers import finite_reading
 from wbc.control.state import Measurement
 from wbc.robot.kinematics import Kinematics
 from wbc.robot.model import RobotModel
@@ -63,15 +65,14 @@ class TouchSense:
     def read(self, kin: ExtendedKinematics, measured: Measurement | None) -> Felt:
         """What is felt where `kin` has been updated."""
         q, n = kin.robot.q, kin.grasp.count
-        seen = finite(getattr(measured, "q", None), q.shape)
+        seen = finite_reading(measured, "q", q.shape)
         if seen is not None:
             q = np.where(self._own, seen, q)
         tips = (self._kin.update(q).position[:n] - kin.object_position) @ kin.object_rotation
         level = np.array([kin.grasp.surface.level(tip) for tip in tips]) - kin.grasp.rest_length
-        given = getattr(measured, "force", None)
-        if given is None:
+        if getattr(measured, "force", None) is None:
             return Felt(np.where(level <= 0.0, np.inf, 0.0), tips, level)
-        force = finite(given, (n, 3))
+        force = finite_reading(measured, "force", (n, 3))
         if force is None:
             return Felt(np.full(n, np.nan), tips, level)
         normals = kin.frame[:, :, 2] @ kin.object_rotation.T
@@ -111,8 +112,6 @@ def found(grasp: Grasp, contact: ContactState, tips: Array, touching: BoolArray)
     shift[contact.mode == 0] = d
     for i in new:
         xi[i], face = surface.project(tips[i] - d, int(contact.face[i]))
-        record = surface.charts(xi[i : i + 1], face)[0]
-        normal = np.cross(record[1], record[2])
-        normal /= np.linalg.norm(normal)
-        shift[i] = tips[i] - grasp.rest_length[i] * normal - record[0]
+        records = surface.charts(xi[i : i + 1], face)
+        shift[i] = tips[i] - grasp.rest_length[i] * outward(records)[0] - records[0, POINT]
     return contact._replace(xi=xi, shift=shift)

@@ -22,10 +22,7 @@ from wbc.contact.grasp import ContactMode
 from wbc.control.force_control import Goal, TorqueStatus
 from wbc.control.pace import pace_of, stride
 from wbc.control.readings import Readings, ReadingState
-from wbc.control.state import Measurement
-
-PRESSING = 0.1
-"""Planned normal force from which on a finger is to touch, [N]: below, a touch only begins."""
+from wbc.control.state import PRESSING, Measurement
 
 _FELT = 0.05  # measured normal force from which on a finger touches [N]: above a sensor's noise
 _LATE = 1.5  # ticks between two stamps from which on a tick is late
@@ -71,7 +68,7 @@ class WatchState(NamedTuple):
         spare: (N,) how much of a finger's part in the planned forces others have, in [0, 1].
         over: ticks in a row with a joint at its limit.
         stamp: of the last measurement [s]; NaN where there was none.
-        late: ticks in a row that were late or out of order; `overruns`: in all.
+        late: ticks in a row that were late or out of order.
         mode, plan, normals: (N,), (N, 3), (N, 3): of the last goal.
     """
 
@@ -83,7 +80,6 @@ class WatchState(NamedTuple):
     over: int
     stamp: float
     late: int
-    overruns: int
     mode: IntArray
     plan: Array
     normals: Array
@@ -136,7 +132,7 @@ class Watch:
         none, forces = np.zeros(n, dtype=np.int64), np.zeros((n, 3))
         first = self._readings.init()
         return WatchState(
-            1.0, first, none, none > 0, np.zeros(n), 0, np.nan, 0, 0, none, forces, forces
+            1.0, first, none, none > 0, np.zeros(n), 0, np.nan, 0, none, forces, forces
         )
 
     def look(
@@ -201,8 +197,7 @@ class Watch:
         elif passed > _LATE * dt:
             status = TorqueStatus.LATE
         late = state.late + 1 if status else 0
-        overruns = state.overruns + int(bool(status))
-        return state._replace(stamp=stamp, late=late, overruns=overruns), status
+        return state._replace(stamp=stamp, late=late), status
 
     def _felt(
         self, state: WatchState, measured: Measurement

@@ -8,9 +8,9 @@ from typing import Any, Final
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import Array, BoolArray
+from wbc.arrays import Array, BoolArray, IntArray
 from wbc.control.force_control import TorqueStatus
-from wbc.control.state import Status
+from wbc.control.state import PRESSING, Status
 from wbc.recording.log import Log
 from wbc.rotations import log_so3
 
@@ -25,9 +25,6 @@ _CAUSES: Final = (
     | TorqueStatus.TRACKING
     | TorqueStatus.CONTACT_LOST
 )
-
-_PRESSING = 0.1
-"""Planned normal force from which on a finger is to touch, [N]: below, a touch only begins."""
 
 _REST = (0.5, 10.0)
 """Shortest rest in which creep is measured, and how much of its end is looked at, [s]."""
@@ -99,7 +96,7 @@ def dropped(log: Log) -> float | None:
 def fingers_off(log: Log) -> BoolArray:
     """(T, N) fingers that are to press and do not."""
     planned, measured = normal_forces(log)
-    off: BoolArray = (planned >= _PRESSING) & ~(measured > 0.0)
+    off: BoolArray = (planned >= PRESSING) & ~(measured > 0.0)
     return off
 
 
@@ -158,7 +155,7 @@ def dynamic_facts(log: Log, settled: float) -> dict[str, Any]:
         "object_error_handover_rad": math.nan if handed is None else angle[handed],
         "creep_m_per_s": math.nan if crept is None else crept[0],
         "creep_rad_per_s": math.nan if crept is None else crept[1],
-        "contact_lost_s": log.meta.dt * _longest(fingers_off(log)),
+        "contact_lost_s": log.meta.dt * int(off_for(fingers_off(log)).max(initial=0)),
         "force_error_max_n": dict(
             zip(log.contact_names, error.max(axis=0, initial=0.0), strict=True)
         ),
@@ -172,26 +169,28 @@ def dynamic_facts(log: Log, settled: float) -> dict[str, Any]:
     }
 
 
-def _longest(off: BoolArray) -> int:
-    """The most ticks in a row for which some finger, always the same one, is off. off: (T, N)."""
-    most, run = 0, np.zeros(off.shape[1], dtype=np.int64)
-    for row in off:
+def off_for(off: BoolArray) -> IntArray:
+    """(T,) ticks in a row for which some finger, always the same one, has been off. off: (T, N)."""
+    found = np.zeros(len(off), dtype=np.int64)
+    run = np.zeros(off.shape[1], dtype=np.int64)
+    for k, row in enumerate(off):
         run = np.where(row, run + 1, 0)
-        most = max(most, int(run.max(initial=0)))
-    return most
+        found[k] = run.max(initial=0)
+    return found
 
 
 def held_to_the_end(log: Log) -> tuple[int, str] | None:
     """The tick from which on a run stood still to its end, and what it waited for; else None."""
-    stands = (log.torque_status & TorqueStatus.HELD) != 0 if log.dynamic else np.zeros(0, np.bool_)
-    waits = (log.status & Status.UNSUPPORTED) != 0
-    if log.dynamic and stands[-1:].any():
-        going = np.flatnonzero(~stands)
-        first = int(going[-1]) + 1 if len(going) else 0
+    if log.dynamic and (first := _since((log.torque_status & TorqueStatus.HELD) != 0)) is not None:
         bits = TorqueStatus(int(log.torque_status[-1])) & _CAUSES
         why = [str(flag.name).lower().replace("_", " ") for flag in TorqueStatus if flag & bits]
         return first, ", ".join(why) or "held"
-    if waits[-1:].any():
-        going = np.flatnonzero(~waits)
-        return (int(going[-1]) + 1 if len(going) else 0), "unsupported"
-    return None
+    first = _since((log.status & Status.UNSUPPORTED) != 0)
+    return None if first is None else (first, "unsupported")
+
+
+def _since(so: BoolArray) -> int | None:
+    """The tick from which on something is so to the end, (T,); None if it is not so there."""
+    if not so[-1:].any():
+        return None
+    return len(so) - int(np.argmin(so[::-1])) if not so.all() else 0

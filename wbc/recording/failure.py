@@ -7,11 +7,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wbc.arrays import BoolArray
 from wbc.control.state import Status
-from wbc.recording.dynamic_facts import dropped, fingers_off, held_to_the_end
+from wbc.recording.dynamic_facts import dropped, fingers_off, held_to_the_end, off_for
 from wbc.recording.log import Log
-from wbc.recording.outcome import Outcome, beyond_limits, reason, unplanned
+from wbc.recording.outcome import Outcome, beyond_limits, unplanned
 
 LOST: Final = 0.2
 """A finger that does not press for this long where it should has lost its contact, [s]."""
@@ -35,14 +34,12 @@ class Failure(NamedTuple):
     phase: str | None
 
 
-def first_failure(log: Log, outcome: Outcome) -> Failure | None:
-    """What failed first; None for a success.
+def first_failure(log: Log, outcome: Outcome) -> Failure:
+    """What failed first in a run that is no success, for which `outcome.reason` has a sentence.
 
     Of what comes in the same tick, the first in the order of `Failure` counts. A contact lost is no
     failure by itself, yet what a run that failed may have failed of.
     """
-    if not reason(log, outcome):
-        return None
     if not log.ticks:
         return Failure("no_tick", None, None)
     found = min(_failures(log, outcome), key=lambda one: one[0])
@@ -78,16 +75,6 @@ def _of_physics(log: Log) -> Iterator[tuple[int, str]]:
         yield int(np.searchsorted(log.t, fell)), "dropped"
     if (held := held_to_the_end(log)) is not None:
         yield held[0], "held"
-    lost = _lasting(fingers_off(log), round(LOST / log.meta.dt))
+    lost = off_for(fingers_off(log)) > round(LOST / log.meta.dt)
     if lost.any():
         yield int(np.argmax(lost)), "contact_lost"
-
-
-def _lasting(off: BoolArray, ticks: int) -> BoolArray:
-    """(T,) whether some finger, always the same one, has been off for more than so many ticks."""
-    found = np.zeros(len(off), dtype=np.bool_)
-    run = np.zeros(off.shape[1], dtype=np.int64)
-    for k, row in enumerate(off):
-        run = np.where(row, run + 1, 0)
-        found[k] = bool((run > ticks).any())
-    return found

@@ -34,7 +34,8 @@ def summarize(log: Log, outcome: Outcome | None = None) -> dict[str, Any]:
         outcome: how the run ended; by default as far as the log tells.
     """
     outcome = Outcome.from_log(log) if outcome is None else outcome
-    meta, why, failed = log.meta, reason(log, outcome), first_failure(log, outcome)
+    meta, why = log.meta, reason(log, outcome)
+    failed = first_failure(log, outcome) if why else None
     facts = {
         "scenario": meta.scenario,
         "scenario_sha256": meta.scenario_hash,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Final, Literal, TypeAlias, final
+from typing import Annotated, Any, Final, Literal, TypeAlias, final, get_args
 
 from pydantic import (
     AfterValidator,
@@ -93,8 +93,13 @@ class Prepared:
         return {"anyOf": [self.also(), inner]} if self.also else inner
 
 
-def one_or_by_name(quantity: Quantity) -> Prepared:
-    """One value for all, kept under ``"*"``, or values by name or pattern."""
+def one_or_by_name(kind: Any) -> Prepared:
+    """One value for all, kept under ``"*"``, or values by name or pattern.
+
+    Args:
+        kind: of the values, ``Annotated[float, Quantity(...)]``.
+    """
+    quantity: Quantity = get_args(kind)[1]
 
     def schema() -> dict[str, Any]:
         return quantity.__get_pydantic_json_schema__(None, None)

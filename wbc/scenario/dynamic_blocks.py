@@ -25,24 +25,16 @@ from wbc.scenario.units import (
     TurningStiffness,
 )
 
-NumberBy: TypeAlias = Annotated[
-    Mapping[str, NonNegative], one_or_by_name(Quantity("number", least=0.0))
-]
-StiffnessBy: TypeAlias = Annotated[
-    Mapping[str, Stiffness], one_or_by_name(Quantity("stiffness", above=0.0))
-]
-RateBy: TypeAlias = Annotated[
-    Mapping[str, RateFromZero], one_or_by_name(Quantity("rate", least=0.0))
-]
-ForceBy: TypeAlias = Annotated[Mapping[str, Force], one_or_by_name(Quantity("force", least=0.0))]
-InertiaBy: TypeAlias = Annotated[
-    Mapping[str, Inertia], one_or_by_name(Quantity("inertia", least=0.0))
-]
+NumberBy: TypeAlias = Annotated[Mapping[str, NonNegative], one_or_by_name(NonNegative)]
+StiffnessBy: TypeAlias = Annotated[Mapping[str, Stiffness], one_or_by_name(Stiffness)]
+RateBy: TypeAlias = Annotated[Mapping[str, RateFromZero], one_or_by_name(RateFromZero)]
+ForceBy: TypeAlias = Annotated[Mapping[str, Force], one_or_by_name(Force)]
+InertiaBy: TypeAlias = Annotated[Mapping[str, Inertia], one_or_by_name(Inertia)]
 TurningStiffnessBy: TypeAlias = Annotated[
-    Mapping[str, TurningStiffness], one_or_by_name(Quantity("rotational stiffness", least=0.0))
+    Mapping[str, TurningStiffness], one_or_by_name(TurningStiffness)
 ]
 TurningDampingBy: TypeAlias = Annotated[
-    Mapping[str, TurningDamping], one_or_by_name(Quantity("rotational damping", least=0.0))
+    Mapping[str, TurningDamping], one_or_by_name(TurningDamping)
 ]
 
 

@@ -21,12 +21,10 @@ from wbc.scenario.units import (
     Torque,
 )
 
-PerContact: TypeAlias = Annotated[
-    Mapping[str, PositiveNumber], one_or_by_name(Quantity("number", above=0.0))
-]
+PerContact: TypeAlias = Annotated[Mapping[str, PositiveNumber], one_or_by_name(PositiveNumber)]
 """One value, kept under ``"*"``, or a value by contact or pattern of contacts."""
 LengthPerContact: TypeAlias = Annotated[
-    Mapping[str, PositiveLength], one_or_by_name(Quantity("length", above=0.0))
+    Mapping[str, PositiveLength], one_or_by_name(PositiveLength)
 ]
 Inertia3: TypeAlias = Annotated[tuple[Inertia, Inertia, Inertia], Entries(3)]
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from wbc.arrays import Array, BoolArray, IntArray
 from wbc.contact.surfaces import Surface
-from wbc.contact.surfaces.base import D_U, D_V, POINT
+from wbc.contact.surfaces.base import POINT
 from wbc.contact.surfaces.closest import follow
+from wbc.contact.surfaces.foot import flat, is_foot, sought
 
 _NEAR = 0.01  # [m] beyond its rest length at which a pad is watched in every evaluation
-_LOST = 1e-6  # [m] tangential distance from tip to foot at which a followed foot is sought anew
 
 
 @final
@@ -61,27 +61,23 @@ class Feet:
                 if self.near[i]:
                     continue  # one that has gone is looked for, for it may have come elsewhere
             if np.isfinite(tip).all():
-                self._xi[i], self._face[i] = self._surface.project(self._flat(tip))
-                self.records[i] = self._surface.charts(self._xi[i : i + 1], self._face[i])[0]
+                self._xi[i], self._face[i], self.records[i] = sought(
+                    self._surface, flat(self._surface, tip)
+                )
                 self._judge(i, tip)
 
     def follow(self, tips: Array) -> Array:
         """The records (N, 6, 3) where the tips have moved to since `begin`."""
         if self.near.any():
-            self._at[:] = tips
-            if self._surface.planar:
-                self._at[:, 2] = 0.0
+            self._at[:] = flat(self._surface, tips)
             far = ~self.near
             self._at[far] = self.records[far, POINT]
             follow(self._surface, self._at, self._xi, self._face, self.records)
         return self.records
 
-    def _flat(self, tip: Array) -> Array:
-        return np.array([tip[0], tip[1], 0.0]) if self._surface.planar else tip
-
     def _judge(self, i: int, tip: Array) -> None:
         """Near or far, and if far, how far it may go."""
-        gap = float(np.linalg.norm(self._flat(tip) - self.records[i, POINT]))
+        gap = float(np.linalg.norm(flat(self._surface, tip) - self.records[i, POINT]))
         # a little further out than in, so that a tip at the limit does not go to and fro
         self.near[i] = gap < self._reach[i] * (2.0 if self.near[i] else 1.5)
         if not self.near[i]:
@@ -90,8 +86,5 @@ class Feet:
 
     def _astray(self, i: int, tip: Array) -> bool:
         """Whether following has not arrived, or has left what its chart is good for."""
-        point, c_u, c_v = self.records[i, POINT], self.records[i, D_U], self.records[i, D_V]
-        gap = self._flat(tip) - point
-        beside = max(abs(gap @ c_u) / np.linalg.norm(c_u), abs(gap @ c_v) / np.linalg.norm(c_v))
-        inside = self._surface.margin(self._xi[i], int(self._face[i])) >= 0.0
-        return not (inside and beside < _LOST)
+        surface, xi, face = self._surface, self._xi[i], int(self._face[i])
+        return not is_foot(surface, xi, face, self.records[i], flat(surface, tip))
