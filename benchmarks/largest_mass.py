@@ -80,11 +80,11 @@ class Case:
 
 
 BAR = Case("dual_arm_exchange_mujoco")
-CENTERED = Case("dual_arm_exchange_mujoco", (("object.com", (0.0, 0.0, -0.09)),))
+ABOVE = Case("dual_arm_exchange_mujoco", (("object.com", (0.0, 0.0, -0.056)),))
 BALL = Case("ball_exchange_mujoco")
 CASES: Mapping[str, Case] = {
-    "bar, its centre 90 mm from the hand's": BAR,
-    "bar, its centre in the hand": CENTERED,
+    "bar, its centre 56 mm from the thumb": BAR,
+    "bar, its centre above the thumb": ABOVE,
     "ball": BALL,
 }
 

@@ -30,6 +30,11 @@ from .shell import SHORT, children, finish, gone, start, wbc
 TRIALS = 6
 VARY = ("--vary", "object.pose.position[0]=2 mm", "--vary", "simulation.duration=50 %")
 WHAT = ("sweep", "planar_exchange", "--trials", str(TRIALS), *SHORT, *VARY)
+DISTURBED = "simulation.disturbances={mass: 30 %, friction: 30 %, size: 1 %, force_noise: 5 %}"
+HUNDRED = (
+    "sweep", "planar_exchange_dynamic", "--trials", "100", *SHORT, "--set", DISTURBED,
+    "--keep", "none", "--out", "out",
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -300,6 +305,39 @@ def test_dask_with_a_trial_that_crashes(
     monkeypatch.setattr(command, "run_trial", light.light_or_crash)
     assert main([*WHAT, "--scheduler", cluster.scheduler_address, "--out", str(tmp_path)]) == 0
     assert_crashed(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def hundred(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """A hundred disturbed trials under torques by one worker."""
+    folder = tmp_path_factory.mktemp("hundred")
+    done = wbc(*HUNDRED, "--workers", "1", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    table = lines(folder / "out")
+    assert table.count(b"\n") == 100 and b"crashed" not in table
+    return table
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kills", [False, True])
+def test_a_hundred_trials_by_two_workers(hundred: bytes, tmp_path: Path, kills: bool) -> None:
+    process = start(*HUNDRED, "--workers", "2", cwd=tmp_path)
+    if kills:
+        wait_for_lines(tmp_path / "out", 30, process)
+        os.kill(workers(process.pid)[0], signal.SIGKILL)
+    _, errors = finish(process)
+    assert process.returncode == 0, errors
+    assert lines(tmp_path / "out") == hundred
+
+
+@pytest.mark.slow
+def test_a_hundred_trials_by_dask(hundred: bytes, tmp_path: Path, cluster: Any) -> None:
+    process = start(*HUNDRED, "--scheduler", cluster.scheduler_address, cwd=tmp_path)
+    wait_for_lines(tmp_path / "out", 30, process)
+    os.kill(cluster.workers[1].pid, signal.SIGKILL)
+    _, errors = finish(process)
+    assert process.returncode == 0, errors
+    assert lines(tmp_path / "out") == hundred
 
 
 def test_nobody_at_the_address(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -37,6 +37,19 @@ def test_a_lost_contact_holds_the_motion_until_it_is_back() -> None:
     assert worst(found) < 4.0  # the tip was in the object when it began to press again
 
 
+def test_a_finger_that_lost_the_object_goes_to_look_for_it_a_little() -> None:
+    found = run(1130, lost={"f3": (1.0, 99.0)})
+    log, lost = found.log, found.ticks(TorqueStatus.CONTACT_LOST)
+    inward = -log.contact_normals[lost[0], 2]
+    way = (log.contact_points[:, 2] - log.contact_points[lost[0], 2]) @ inward
+    for since, least, most in ((0.05, -1e-5, 1e-5), (0.5, 4.1e-3, 4.4e-3), (1.2, 8e-3, 8.01e-3)):
+        at = lost[0] + round(since / DT)
+        print(f"{since} s after it was lost {1e3 * way[at]:.2f} mm further in")
+        assert least <= way[at] <= most
+    assert np.array_equal(lost, np.arange(lost[0], log.ticks))
+    assert worst(found) < 1.0
+
+
 @cache
 def _never_closing() -> Run:
     """One of the receiver's fingers does not touch from when it is to take the object."""

@@ -103,6 +103,27 @@ def test_a_frozen_joint_is_noticed() -> None:
     assert worst(found) < 1.0
 
 
+def test_a_frozen_fingertip_is_noticed_once_its_force_should_change() -> None:
+    start = int(undisturbed(2000).phase("hand_over")[0])
+    since, last = start - 100, np.zeros(3)
+
+    def seen(k: int, m: Measurement) -> Measurement:
+        force = m.force.copy()
+        if k < since:
+            last[:] = force[0]
+        force[0] = last
+        return m._replace(force=force)
+
+    found = run(start + 200, seen=seen)
+    plan = found.log.contact_force_plan[since:, 0]
+    other = since + int(np.flatnonzero(np.abs(plan - plan[0]).max(axis=1) >= 0.1)[0])
+    frozen, held = found.ticks(TorqueStatus.FROZEN), found.ticks(TorqueStatus.HELD)
+    print("frozen tip: after", frozen[0] - since, "0.1 N after", other - since, worst(found))
+    assert other > since + 25 and abs(frozen[0] - other) <= 2
+    assert held[0] - frozen[0] <= STOPPING and held[-1] == start + 199
+    assert worst(found) < 1.0
+
+
 def stuck(k: int, tau: np.ndarray, sensed: Any) -> np.ndarray:
     """A gear of the free arm jams: a spring holds the joint where it was."""
     if k < 100:
