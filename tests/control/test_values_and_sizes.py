@@ -73,6 +73,14 @@ def test_an_old_state_steps_as_it_did_before(exchange: Assembly) -> None:
         assert record.status == seen[k][0].status
 
 
+@pytest.mark.parametrize("part", ["mode", "xi", "pivot", "face", "shift"])
+def test_a_state_of_another_number_of_fingers_is_refused(exchange: Assembly, part: str) -> None:
+    state = exchange.start
+    few = state.contact._replace(**{part: getattr(state.contact, part)[:3]})
+    with pytest.raises(SetupError, match="must be of 4 fingers"):
+        exchange.controller.step(state._replace(contact=few))
+
+
 def test_a_run_can_begin_again_whatever_the_controller_did_before(exchange: Assembly) -> None:
     controller, state = exchange.controller, exchange.start
     motion = state.phase.motion._replace(rotation=exp_so3(np.array([0.0, 0.0, 0.3])))

@@ -24,6 +24,7 @@ from wbc.arrays import Array, IntArray
 from wbc.compiled import kernel
 from wbc.contact.grasp import ContactMode, ContactState, Grasp, ObjectReference
 from wbc.contact.surfaces.gauss import gauss_frames
+from wbc.errors import SetupError
 from wbc.robot.kinematics import Kinematics
 from wbc.rotations import (
     cross,
@@ -286,7 +287,17 @@ class ExtendedKinematics:
     def update(
         self, q: Array, state: ContactState, reference: ObjectReference
     ) -> ExtendedKinematics:
-        """Bring everything to the configuration (q, η) and the object's reference."""
+        """Bring everything to the configuration (q, η) and the object's reference.
+
+        Raises:
+            SetupError: the state or the reference is of another number of fingers.
+        """
+        n = len(self.charts)
+        if not (
+            len(state.mode) == len(state.xi) == len(state.pivot) == len(state.face) == n
+            and len(state.shift) == len(reference.reach) == len(reference.reach_rate) == n
+        ):  # compiled kernels would read beyond the end
+            raise SetupError(f"contacts and reference must be of {n} fingers")
         self.state, self.reference = state, reference
         self.robot.update(q)
         self.grasp.surface.evaluate(state.xi, state.face, self.charts)
