@@ -175,19 +175,21 @@ def test_the_hand_over_is_when_the_first_hand_leaves() -> None:
 
 
 def test_creep_is_measured_where_the_reference_rests() -> None:
-    """It moves on for a second, rests for 1.5 s, and moves on."""
+    """It moves on for a second, rests for 5.5 s, and moves on."""
 
     def tick(k: int) -> dict[str, object]:
-        rest = np.clip(k, 100, 250)
+        rest = np.clip(k, 100, 650)
         position = np.array([1e-2 * (k - rest), 0.0, 0.0])
         crept = 1e-5 * (k - 100) * 0.01 if k >= 100 else 2e-3
         off = np.array([0.0, crept, 0.0, 0.0, 0.0, 2e-4 * 0.01 * k])
         return put(k, position, np.zeros(3), off)
 
-    facts = summarize(recorded(300, {k: tick(k) for k in range(300)}, LIMITED))
+    facts = summarize(recorded(700, {k: tick(k) for k in range(700)}, LIMITED))
     assert facts["creep_m_per_s"] == pytest.approx(1e-5, rel=1e-6)
     assert facts["creep_rad_per_s"] == pytest.approx(2e-4, rel=1e-6)
     assert summarize(run())["creep_m_per_s"] is None  # it never rests
+    short = recorded(600, {k: tick(k) for k in range(600)}, LIMITED)
+    assert summarize(short)["creep_m_per_s"] is None
 
 
 DONE = Outcome((), True)

@@ -26,7 +26,7 @@ _CAUSES: Final = (
     | TorqueStatus.CONTACT_LOST
 )
 
-_REST = (0.5, 10.0)
+_REST = (5.0, 10.0)
 """Shortest rest in which creep is measured, and how much of its end is looked at, [s]."""
 
 
@@ -115,7 +115,8 @@ def creep(log: Log) -> tuple[float, float] | None:
 
     It is the slope of the straight lines that fit its position and its rotation vector best, over
     the end of the run's last rest of the reference, 10 s at most: noise of 0.2 mrad in the joints
-    looks like 0.3 mm/s in one second and like 0.01 mm/s in ten.
+    looks like 0.3 mm/s in one second and like 0.01 mm/s in ten. A rest of less than 5 s tells
+    nothing.
     """
     still = np.all(np.diff(log.object_pose_ref, axis=0) == 0.0, axis=1)
     moves = np.flatnonzero(~still)
