@@ -13,6 +13,7 @@ from forces.oracles import load_factor
 
 from wbc.control.force_planner import Passage, passages
 from wbc.control.hand_statics import statics, touches, touches_at
+from wbc.control.phases import ObjectMotion, Phase
 from wbc.control.rehearsal import rehearse
 from wbc.control.state import ControllerState, ForceRecord, Status, TickRecord
 from wbc.forces import ForceStatus
@@ -245,6 +246,28 @@ def test_forces_pass_from_one_set_of_contacts_to_the_next_without_a_step() -> No
     assert steps < 0.1 * press.max()
 
 
+def test_the_first_forces_on_an_object_at_rest_begin_with_none() -> None:
+    """What bears it, a table, is left by and by; the fingers balance their part of the load."""
+    three = {name: "fixed" for name in ("r_thumb", "r_middle", "r_index")}
+    near = {"r_*": {"clearance": "0 m"}}
+    phases = [
+        {"name": "near", "reach": near, "tasks": [], "until": {"time": "0.02 s"}, "over": "0.02 s"},
+        {"name": "grip", "contacts": three, "tasks": [], "until": {"time": "0.1 s"}},
+    ]
+    assembly = holding(phases=phases, mass="20 g", forces={**SOFT, "ramp": "0.06 s"})
+    records, _ = run(assembly, 60)
+    assert assembly.controller.phases.phases[1].over == pytest.approx(0.06)
+    for record in records:
+        assert_good(record)
+    first = [record.phase for record in records].index(1)
+    weight = np.array([plan(record).wrench[2] for record in records]) / (0.02 * 9.81)
+    s = np.clip(np.arange(60 - first) * 2e-3 / 0.06, 0.0, 1.0)
+    np.testing.assert_allclose(weight[first:], s**3 * (10.0 - 15.0 * s + 6.0 * s**2), atol=1e-3)
+    force = np.array([plan(record).force for record in records])
+    assert (force[: first + 1] == 0.0).all() and np.linalg.norm(force[-1], axis=1).min() > 0.01
+    assert np.abs(np.diff(force, axis=0)).max() < 0.1 * np.abs(force[-1]).max()
+
+
 def test_no_finger_goes_whose_leaving_the_others_cannot_bear() -> None:
     """60 g: three fingers hold them, and thumb and index finger, which would be left, do not."""
     assembly = holding(phases=list(hand_over()), mass="60 g", forces={**SOFT, "ramp": "0.06 s"})
@@ -308,13 +331,21 @@ def test_limits_by_pattern_are_kept() -> None:
 def test_sets_are_shared_contacts_by_what_they_can_carry() -> None:
     none, right = np.array([0, 0]), np.array([1, 0])
     both, slides, left = np.array([1, 1]), np.array([1, 2]), np.array([0, 1])
-    sets, found = passages([none, right, slides, both, left, none])
+    modes = [none, right, slides, both, left, none]
+    blank = np.zeros(2)
+    phases = [
+        Phase(str(k), m, blank, np.zeros((2, 3)), blank > 0, blank) for k, m in enumerate(modes)
+    ]
+    sets, found = passages(phases)
     assert [s.tolist() for s in sets] == [[1, 0], [1, 2], [1, 1], [0, 1]]
     assert found == [
-        Passage(-1, -1, -1), Passage(0, 0, 0), Passage(0, 1, 1), Passage(1, 2, 3),
+        Passage(-1, -1, -1), Passage(-1, 0, 0), Passage(0, 1, 1), Passage(1, 2, 3),
         Passage(3, 3, 3), Passage(-1, -1, -1),
     ]  # fmt: skip
-    assert [way.ramps for way in found] == [0, 0, 1, 2, 0, 0]
+    assert [way.ramps for way in found] == [0, 1, 1, 2, 0, 0]
+    away = ObjectMotion(np.array([0.0, 0.0, 0.1]), np.eye(3), True)
+    phases[1] = replace(phases[1], object_motion=away)
+    assert passages(phases)[1][1] == Passage(0, 0, 0)  # what moves is borne at once
 
 
 @pytest.mark.parametrize("over", [0.05, 0.4, 2.0])

@@ -7,6 +7,7 @@ one set of contacts to the next the forces pass without a step, see `Passage`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple, final
 
@@ -71,7 +72,9 @@ class Passage(NamedTuple):
     `after` are the modes that it shares with the phases before and after, of a contact's two modes
     the one that carries less. Cones and torque limits are convex and the balance is linear, so
     every mixture is feasible with them. a and b go from 0 to 1 at the phase's beginning and before
-    its motions end; where a neighbour shares no contact, or all, there is nothing to pass.
+    its motions end; where a neighbour shares no contact, or all, there is nothing to pass. Where
+    the phase before has no contact at all and the object rests in this one, c_before is none: what
+    bore it, a table, goes on with 1 − a of its load.
 
     Attributes:
         before, own, after: indices of sets of contacts; -1: no contact.
@@ -88,7 +91,10 @@ class Passage(NamedTuple):
         return (self.before != self.own) + (self.after != self.own)
 
     def weights(self, elapsed: float, over: float, ramp: float) -> dict[int, float]:
-        """The part of each set at a time since the phase began, [s]; those that are positive."""
+        """The part of each set at a time since the phase began, [s]; those that are positive.
+
+        They sum to one, to less while something else bears the rest.
+        """
         ramp = min(ramp, over / max(self.ramps, 1))
         a = 1.0 if self.before == self.own else minimum_jerk(elapsed / ramp)[0]
         b = 0.0 if self.after == self.own else minimum_jerk((elapsed - over) / ramp + 1.0)[0]
@@ -101,12 +107,9 @@ class Passage(NamedTuple):
         return found
 
 
-def passages(modes: list[IntArray]) -> tuple[list[IntArray], list[Passage]]:
-    """Sets of contacts (N,) that are planned for, and how each phase goes through them.
-
-    Args:
-        modes: (N,) ContactMode of the fingers in each phase.
-    """
+def passages(phases: Sequence[Phase]) -> tuple[list[IntArray], list[Passage]]:
+    """Sets of contacts (N,) that are planned for, and how each phase goes through them."""
+    modes = [phase.mode for phase in phases]
     sets: list[IntArray] = []
 
     def index(mode: IntArray) -> int:
@@ -124,9 +127,11 @@ def passages(modes: list[IntArray]) -> tuple[list[IntArray], list[Passage]]:
         both = index(_RANK[np.minimum(_RANK[modes[k]], _RANK[modes[other]])])
         return both if both >= 0 else index(modes[k])
 
-    found = [
-        Passage(shared(k, k - 1), index(mode), shared(k, k + 1)) for k, mode in enumerate(modes)
-    ]
+    found = []
+    for k, phase in enumerate(phases):
+        first = k > 0 and not modes[k - 1].any() and phase.object_motion is None
+        before = -1 if first else shared(k, k - 1)
+        found.append(Passage(before, index(phase.mode), shared(k, k + 1)))
     return sets, found
 
 
@@ -214,14 +219,13 @@ class ForcePlanner:
     ) -> None:  # fmt: skip
         self.payload = payload
         self.settings = settings
-        modes = [phase.mode for phase in phases]
-        self._sets, self._passages = passages(modes)
+        self._sets, self._passages = passages(phases)
         self._holds = [_Hold(kin, settings, mode) for mode in self._sets]
         self._dynamics = InverseDynamics(kin.robot.model)
         self._dt = dt
         self._limits = settings.tau_min, settings.tau_max
         ones = np.ones(kin.grasp.count)
-        slides = [mode == ContactMode.SLIDING for mode in modes]
+        slides = [phase.mode == ContactMode.SLIDING for phase in phases]
         self._friction = [
             (np.where(s, settings.sliding, settings.mu), settings.mu_t if settings.soft else ones)
             for s in slides
@@ -256,10 +260,9 @@ class ForcePlanner:
             t - phase.since, phase.motion.duration, self.settings.ramp
         )
         plan = self._solved(kin.robot, touch, tau_e, wrench, weights, last)
+        wrench = min(1.0, sum(weights.values())) * wrench
         held = mode != ContactMode.FREE
         c = np.where(held[:, None], last.c, 0.0) if plan.c is None else plan.c
-        if not held.any():
-            wrench = np.zeros(6)
         out = loads(kin.robot, touch, mode, c, tau_e, self._friction[phase.current], self._limits)
         record = ForceRecord(
             force=out.force, spin=c[:, 3].copy(), torque=out.torque, cone_margin=out.cone_margin,
@@ -366,9 +369,9 @@ class ForcePlanner:
             return _Plan(
                 None, max(bad, key=_STATUS.__getitem__), tuple(starts), iterations, np.inf, False
             )
-        share = total if weights else 1.0
+        part = sum(weights.values()) / total if weights else 1.0
         status = max(good, key=_STATUS.__getitem__)
-        return _Plan(c / share, status, tuple(starts), iterations, phi / share, not bad)
+        return _Plan(part * c, status, tuple(starts), iterations, part * phi, not bad)
 
 
 def _finite(record: ForceRecord, held: BoolArray) -> ForceRecord:

@@ -43,7 +43,7 @@ def build_phases(
         phases.append(replace(_phase(spec, grasp, tasks, force), task_motions=led))
     phases = [_closing(phases, k) for k in range(len(phases))]
     if scenario.forces is not None:  # a phase in which nothing moves lasts until forces have passed
-        _, ways = passages([phase.mode for phase in phases])
+        _, ways = passages(phases)
         phases = [
             replace(phase, over=way.ramps * scenario.forces.ramp)
             if way.ramps and spec.over is None
