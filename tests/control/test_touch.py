@@ -10,6 +10,7 @@ import pytest
 
 from wbc.contact.grasp import ContactMode, ContactState, Grasp
 from wbc.contact.surfaces import Box, Cylinder, Sphere, Surface
+from wbc.contact.surfaces.foot import outward
 from wbc.control.phases import SURE, PhaseSequence
 from wbc.control.phases import _sensed as sensed
 from wbc.control.state import ControllerState, Measurement, TickRecord
@@ -306,6 +307,29 @@ def test_what_arms_lack_does_not_move_the_contact_points() -> None:
     bent = start.q.copy()
     bent[assembly.model.joint("right_index_med")] += 0.01
     assert np.abs(sense.read(kin, Measurement(bent)).tips - still).max() > 1e-4
+
+
+def test_how_far_away_tips_are_counts_from_where_they_found_the_surface() -> None:
+    """They found it 12 mm further in, and go 18 mm away from there."""
+    away = {"r_*": {"clearance": "18 mm"}}
+    phases = [
+        {"name": "wait", "tasks": [], "over": "0.01 s", "until": {"time": "0.01 s"}},
+        {
+            "name": "away",
+            "reach": away,
+            "tasks": [],
+            "over": "0.5 s",
+            "until": {"distance": "15 mm"},
+        },
+    ]
+    given = {"phases": phases, "forces.estimate": None}
+    assembly = build(load("ball_exchange_mujoco", given))
+    state, grasp = assembly.start, assembly.controller.law.kin.grasp
+    shift = -12e-3 * outward(grasp.surface.charts(grasp.at, grasp.face))
+    state = state._replace(contact=state.contact._replace(shift=shift))
+    for _ in range(400):
+        _, state = assembly.controller.step(state)
+    assert state.phase.done
 
 
 def test_a_shift_turns_with_the_object() -> None:

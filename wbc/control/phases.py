@@ -33,7 +33,8 @@ class ExitCondition:
         time: least duration, [s].
         residuals: (task index, largest |e|) in the task's units.
         tip_error: largest distance of a reaching tip from its target, [m].
-        distance: least distance of the reaching tips outside the object's surface, [m].
+        distance: least distance of the reaching tips outside the object's surface, where they have
+            found that, [m].
         force_closure: ε_f and ε_m both below this; None: not asked.
         closing: fingers that are to hold alone later: they must be in equilibrium by themselves.
         object_error: largest position error of the object by any finger, [m].
@@ -301,7 +302,8 @@ class PhaseSequence:
                 and not (np.linalg.norm(state.motion.tips[1, i] - tip) <= until.tip_error)
             ):
                 return False
-            if until.distance is not None and not kin.grasp.surface.level(tip) >= until.distance:
+            away = kin.grasp.surface.level(tip - kin.state.shift[i])
+            if until.distance is not None and not away >= until.distance:
                 return False
         return True
 
