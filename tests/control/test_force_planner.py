@@ -254,7 +254,8 @@ def test_the_first_forces_on_an_object_at_rest_begin_with_none() -> None:
         {"name": "near", "reach": near, "tasks": [], "until": {"time": "0.02 s"}, "over": "0.02 s"},
         {"name": "grip", "contacts": three, "tasks": [], "until": {"time": "0.1 s"}},
     ]
-    assembly = holding(phases=phases, mass="20 g", forces={**SOFT, "ramp": "0.06 s"})
+    given = {"forces": {**SOFT, "ramp": "0.06 s"}, "simulation__physics__table": {"height": "0 m"}}
+    assembly = holding(phases=phases, mass="20 g", **given)
     records, _ = run(assembly, 60)
     assert assembly.controller.phases.phases[1].over == pytest.approx(0.06)
     for record in records:
@@ -334,7 +335,8 @@ def test_sets_are_shared_contacts_by_what_they_can_carry() -> None:
     modes = [none, right, slides, both, left, none]
     blank = np.zeros(2)
     phases = [
-        Phase(str(k), m, blank, np.zeros((2, 3)), blank > 0, blank) for k, m in enumerate(modes)
+        Phase(str(k), m, blank, np.zeros((2, 3)), blank > 0, blank, borne=True)
+        for k, m in enumerate(modes)
     ]
     sets, found = passages(phases)
     assert [s.tolist() for s in sets] == [[1, 0], [1, 2], [1, 1], [0, 1]]
@@ -344,8 +346,9 @@ def test_sets_are_shared_contacts_by_what_they_can_carry() -> None:
     ]  # fmt: skip
     assert [way.ramps for way in found] == [0, 1, 1, 2, 0, 0]
     away = ObjectMotion(np.array([0.0, 0.0, 0.1]), np.eye(3), True)
-    phases[1] = replace(phases[1], object_motion=away)
-    assert passages(phases)[1][1] == Passage(0, 0, 0)  # what moves is borne at once
+    for change in ({"object_motion": away}, {"borne": False}):  # borne by fingers at once
+        other = [*phases[:1], replace(phases[1], **change), *phases[2:]]  # type: ignore[arg-type]
+        assert passages(other)[1][1] == Passage(0, 0, 0)
 
 
 @pytest.mark.parametrize("over", [0.05, 0.4, 2.0])

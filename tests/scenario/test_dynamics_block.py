@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -110,3 +111,22 @@ def test_a_touch_by_its_defaults_ends_a_phase_and_an_empty_condition_names_it() 
     assert phase.until.touch.force == 0.15
     with pytest.raises(ScenarioError, match="force_closure, touch or press"):
         load(task, {key: "{residual: {}}"})
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ({}, True),  # the table
+        ({"simulation.engine": "compliant"}, True),  # a fixture in its place until the lift
+        ({"simulation.physics.fixture": "grip"}, True),  # the table still
+        ({"simulation.physics.fixture": "grip", "simulation.engine": "compliant"}, False),
+        ({"simulation.physics.fixture": "lift", "simulation.engine": "compliant"}, True),
+        ({"simulation.physics.table": None}, False),
+    ],
+)
+def test_what_bears_the_object_as_fingers_grip_it(settings: dict[str, Any], expected: bool) -> None:
+    """Where nothing does, the first forces are there at once."""
+    phases = build(load("ball_exchange_mujoco", settings)).controller.phases.phases
+    grip = next(phase for phase in phases if phase.name == "grip")
+    assert grip.borne is expected
+    assert grip.passes is expected  # planned forces begin with none

@@ -73,8 +73,8 @@ class Passage(NamedTuple):
     the one that carries less. Cones and torque limits are convex and the balance is linear, so
     every mixture is feasible with them. a and b go from 0 to 1 at the phase's beginning and before
     its motions end; where a neighbour shares no contact, or all, there is nothing to pass. Where
-    the phase before has no contact at all and the object rests in this one, c_before is none: what
-    bore it, a table, goes on with 1 − a of its load.
+    the phase before has no contact at all and something else bears an object that rests in this
+    one, c_before is none: that, a table, goes on with 1 − a of the load.
 
     Attributes:
         before, own, after: indices of sets of contacts; -1: no contact.
@@ -129,8 +129,8 @@ def passages(phases: Sequence[Phase]) -> tuple[list[IntArray], list[Passage]]:
 
     found = []
     for k, phase in enumerate(phases):
-        first = k > 0 and not modes[k - 1].any() and phase.object_motion is None
-        before = -1 if first else shared(k, k - 1)
+        first = k > 0 and not modes[k - 1].any() and phase.borne
+        before = -1 if first and phase.object_motion is None else shared(k, k - 1)
         found.append(Passage(before, index(phase.mode), shared(k, k + 1)))
     return sets, found
 

@@ -95,6 +95,8 @@ class Phase:
         wanted: (M,) tasks asked for, tips included.
         pad: (N,) l − Δl at the end of the phase, [m].
         object_motion: where the object goes; None: it stays.
+        borne: whether something else than fingers, as a table, bears the object as it begins.
+        passes: whether planned forces pass to or from other contacts; that is not cut short.
         task_motions: targets of tasks that are led somewhere; the others stay.
         over: duration of the phase's motions, [s].
         until: exit condition.
@@ -115,6 +117,8 @@ class Phase:
     timeout: float = np.inf
     on_timeout: str = "stop"
     search: float = 0.0
+    borne: bool = False
+    passes: bool = False
 
     @property
     def senses(self) -> bool:
@@ -280,7 +284,9 @@ class PhaseSequence:
         if until.touch is not None and not _all_touch(phase, state):
             return False
         if t < state.motion.start + state.motion.duration - 1e-9 and not (
-            until.touch is not None and phase.object_motion is None and not phase.task_motions
+            until.touch is not None
+            and phase.object_motion is None
+            and not (phase.task_motions or phase.passes)
         ):
             return False  # a reference cut short would be a velocity step
         if until.press is not None and state.steady < SURE:

@@ -22,6 +22,7 @@ from wbc.scenario.build import Assembly
 from wbc.scenario.build_disturbance import build_disturbance
 from wbc.scenario.build_forces import build_payload, torque_limits, value_for
 from wbc.scenario.schema import Scenario
+from wbc.scenario.tables import release
 from wbc.sim.compliant import CompliantPlant, FreeBody, Physics
 from wbc.sim.disturbances import Disturbance
 from wbc.sim.dynamic import Dynamics
@@ -53,7 +54,7 @@ def build_dynamics(assembly: Assembly) -> Dynamics | None:
         control.second,
         control.set_points,
         held=simulation.physics.control == "held",
-        release=_release(scenario),
+        release=release(scenario),
         trial=trial,
         watch=_watch(scenario.force_control),
     )
@@ -94,20 +95,6 @@ def _watch(given: dynamic_blocks.ForceControl) -> WatchSettings:
     return WatchSettings(**given.watch.model_dump())
 
 
-def _release(scenario: Scenario) -> int | None:
-    """The phase at whose start a fixture lets go.
-
-    The compliant engine has no table: a fixture takes its place until the object is to move.
-    """
-    physics = scenario.simulation.physics
-    if physics.fixture is not None:
-        return [phase.name for phase in scenario.phases].index(physics.fixture)
-    if physics.table is None or scenario.simulation.engine == "mujoco":
-        return None
-    moves = [k for k, phase in enumerate(scenario.phases) if phase.object is not None]
-    return moves[0] if moves else len(scenario.phases)
-
-
 def _plant(
     scenario: Scenario, model: RobotModel, grasp: Grasp, tips: tuple[str, ...], wrong: Disturbance
 ) -> Plant:
@@ -122,7 +109,7 @@ def _plant(
     )
     if scenario.simulation.engine == "mujoco":
         return _mujoco(scenario, model, true_pads(scenario, grasp), tips, surface, body, physics)
-    pads, fixture = true_pads(scenario, grasp), _release(scenario) is not None
+    pads, fixture = true_pads(scenario, grasp), release(scenario) is not None
     return CompliantPlant(model, tips, surface, body, pads, physics, fixture=fixture)
 
 

@@ -15,6 +15,7 @@ from wbc.rotations import rotation_from_quaternion
 from wbc.scenario import schema
 from wbc.scenario.schema import Scenario
 from wbc.scenario.synergies import Hands, tasks_of, weights_in
+from wbc.scenario.tables import borne
 
 FORCE_CLOSURE = 1e-6
 """ε_f and ε_m below which a grasp counts as in unit frictionless equilibrium."""
@@ -36,20 +37,19 @@ def build_phases(
     )
     force = np.array([scenario.contacts[name].force for name in grasp.fingers], dtype=np.float64)
     phases = []
-    for spec in specs:
+    for number, spec in enumerate(specs):
         for name, value in spec.force.items():
             force[grasp.fingers.index(name)] = value
         led = () if hands is None else _task_motions(scenario, spec, tasks, hands)
-        phases.append(replace(_phase(spec, grasp, tasks, force), task_motions=led))
+        bears = borne(scenario, number)
+        phases.append(replace(_phase(spec, grasp, tasks, force), task_motions=led, borne=bears))
     phases = [_closing(phases, k) for k in range(len(phases))]
     if scenario.forces is not None:  # a phase in which nothing moves lasts until forces have passed
         _, ways = passages(phases)
-        phases = [
-            replace(phase, over=way.ramps * scenario.forces.ramp)
-            if way.ramps and spec.over is None
-            else phase
-            for phase, way, spec in zip(phases, ways, specs, strict=True)
-        ]
+        for k, (way, spec) in enumerate(zip(ways, specs, strict=True)):
+            over = way.ramps * scenario.forces.ramp if spec.over is None else phases[k].over
+            if way.ramps:
+                phases[k] = replace(phases[k], over=over, passes=True)
     return PhaseSequence(tuple(phases))
 
 

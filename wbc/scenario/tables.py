@@ -1,4 +1,4 @@
-"""Check of what the object lies on at the start: that it can lie there at all."""
+"""What bears the object before fingers do, and the check of a table: that it can lie there."""
 
 from __future__ import annotations
 
@@ -15,6 +15,27 @@ from wbc.sim.mujoco_table import underside
 
 _TABLE: KeyPath = ("simulation", "physics", "table")
 _INTO = 1e-4  # a top that reaches no further into the object is pushed out unseen, [m]
+
+
+def release(scenario: Scenario) -> int | None:
+    """The phase at whose start a fixture lets go; None: there is no fixture.
+
+    The compliant engine has no table: a fixture takes its place until the object is to move.
+    """
+    physics = scenario.simulation.physics
+    if physics.fixture is not None:
+        return [phase.name for phase in scenario.phases].index(physics.fixture)
+    if physics.table is None or scenario.simulation.engine == "mujoco":
+        return None
+    moves = [k for k, phase in enumerate(scenario.phases) if phase.object is not None]
+    return moves[0] if moves else len(scenario.phases)
+
+
+def borne(scenario: Scenario, k: int) -> bool:
+    """Whether something else than fingers bears the object as phase k begins."""
+    until = release(scenario)
+    table = scenario.simulation.physics.table is not None
+    return (until is not None and k < until) or (table and scenario.simulation.engine == "mujoco")
 
 
 def check_table(scenario: Scenario, surface: Surface) -> list[Fault]:
