@@ -224,6 +224,26 @@ def test_torques_keep_their_limits_and_integrators_wait_meanwhile(model: RobotMo
     assert not state.integral.any()
 
 
+def test_integrators_unwind_at_a_limit_that_they_help_to_exceed(model: RobotModel) -> None:
+    """Fingers press too hard, at their limits: what has been integrated goes, though they wait."""
+    goal, measured = situation(model)
+    strong = measured._replace(force=1.5 * goal.force, q=goal.q - 0.01 * ~own(model))
+    arms = np.where(own(model), 0.0, 20.0)
+    free = ForceControl(model, TIPS, gains(model, joint_integral=arms, stiffness=50.0 * (arms > 0)))
+    full = settled(free, goal)._replace(integral=np.full(3, 1.5))
+    asked, _ = free.step(full, goal, strong, DT)
+    tight = replace(free.gains, tau_min=-0.98 * abs(asked.tau), tau_max=0.98 * abs(asked.tau))
+    control = ForceControl(model, TIPS, tight)
+    state, high = full, asked.tau > 0.0
+    for _ in range(50):
+        command, state = control.step(state, goal, strong, DT)
+        assert command.status & TorqueStatus.SATURATED
+    assert (state.integral < 1.45).all()
+    held = state.joint_integral[~own(model) & high]
+    assert (held == 0.0).all() and (state.joint_integral >= 0.0).all()
+    assert state.joint_integral[~own(model) & ~high].max() > 0.0  # these take from the torque
+
+
 def test_arms_are_held_by_their_joints_with_integral_action(model: RobotModel) -> None:
     goal, measured = situation(model)
     arm = ~own(model)

@@ -50,7 +50,7 @@ class TorqueStatus(IntFlag):
 
     OK = 0
     SATURATED = 1
-    """A joint was asked for more than its limit; the integrators of its finger wait."""
+    """A joint was asked for more than its limit; integrators that ask for more of it wait."""
     INTEGRAL_LIMIT = 2
     """An integrator stands at its bound."""
     BAD_MEASUREMENT = 4
@@ -318,13 +318,16 @@ class ForceControl:
             ),
         )  # fmt: skip
         tau = self.torques(now, goal, measured)
-        over = (tau < gains.tau_min) | (tau > gains.tau_max)
-        if over.any():  # what a limit holds back is not to be integrated
+        beyond = tau - np.clip(tau, gains.tau_min, gains.tau_max)
+        if beyond.any():  # what a limit holds back is not to be integrated, but may be taken back
             status |= TorqueStatus.SATURATED
-            waits = (self._own & over).any(axis=1)
+            more = now.integral - before.integral
+            torque = -np.einsum("irj,ir,i->ij", self._kin.linear[: len(more)], goal.normals, more)
+            waits = (self._own & (torque * beyond > 0.0)).any(axis=1)
+            further = (now.joint_integral - before.joint_integral) * beyond > 0.0
             now = now._replace(
                 integral=np.where(waits, before.integral, now.integral),
-                joint_integral=np.where(over, before.joint_integral, now.joint_integral),
+                joint_integral=np.where(further, before.joint_integral, now.joint_integral),
             )
             tau = np.clip(self.torques(now, goal, measured), gains.tau_min, gains.tau_max)
         at_bound = (np.abs(now.integral) >= gains.windup) & touching & (gains.integral > 0.0)
