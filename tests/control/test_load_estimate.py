@@ -184,7 +184,10 @@ def run(
     force: np.ndarray | None = None
     for _ in range(ticks):
         given = None if measured == "none" else force
-        record, state = assembly.controller.step(state, Measurement(state.q, None, given))
+        seen: Any = Measurement(state.q, None, given)
+        if measured == "raises":
+            seen = _NoForces(state.q)
+        record, state = assembly.controller.step(state, seen)
         assert record.forces is not None
         masses.append(record.forces.mass)
         plan = record.forces
@@ -203,7 +206,18 @@ def test_the_plan_is_for_the_load_that_is_measured() -> None:
     assert np.linalg.norm(state.forces.load.shift) < 1e-4  # all forces grow: the centre stays
 
 
-@pytest.mark.parametrize("measured", ["none", "nan"])
+class _NoForces:
+    """A driver's measurement whose forces raise when they are asked for."""
+
+    def __init__(self, q: np.ndarray) -> None:
+        self.q, self.v = q, None
+
+    @property
+    def force(self) -> np.ndarray:
+        raise OSError("no device")
+
+
+@pytest.mark.parametrize("measured", ["none", "nan", "raises"])
 def test_without_forces_the_load_is_the_one_believed(measured: str) -> None:
     masses, state = run(holding(phases=[STILL, HOLD], forces=ON), 100, measured)
     assert set(masses) == {0.03}

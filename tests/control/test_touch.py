@@ -269,6 +269,29 @@ def test_what_is_no_measurement_is_no_exception(ball: Assembly, strange: Any) ->
         assert np.isfinite(record.v).all() and np.isfinite(after.q).all()
 
 
+class _NoForces:
+    """A driver's measurement whose forces raise when they are asked for."""
+
+    def __init__(self, q: np.ndarray) -> None:
+        self.q = self.v = q
+
+    @property
+    def force(self) -> np.ndarray:
+        raise OSError("no device")
+
+
+def test_a_force_that_raises_is_no_touch_and_no_exception(ball: Assembly) -> None:
+    """As forces that are no numbers: a sensor is there, so where the surface is tells nothing."""
+    state = closing(ball)
+    for _ in range(5):
+        measured: Any = _NoForces(state.q)
+        record, after = ball.controller.step(state, measured)
+        none = np.full((6, 3), np.nan)
+        same, state = ball.controller.step(state, Measurement(state.q, state.q, none))
+        np.testing.assert_array_equal(record.v, same.v)
+        np.testing.assert_array_equal(after.q, state.q)
+
+
 def test_where_no_forces_are_planned_no_press_is_enough(ball: Assembly) -> None:
     """A first tick without a feasible plan has forces of 0: no object is to be lifted on them."""
     phase = ball.controller.phases.phases[3]

@@ -77,6 +77,28 @@ def test_whatever_a_driver_hands_over_is_bridged(values: Any) -> None:
     assert np.isfinite(view.measured.q).all()
 
 
+class Broken:
+    """A driver's measurement of which one field raises when it is asked for."""
+
+    def __init__(self, field: str) -> None:
+        self._field = field
+
+    def __getattr__(self, name: str) -> Any:
+        if name == self._field:
+            raise OSError("no device")
+        return {"q": Q, "v": Q, "force": -FIVE[:, None] * NORMALS, "stamp": 3.0}[name]
+
+
+@pytest.mark.parametrize("field", ["q", "v", "force", "stamp"])
+def test_a_field_that_raises_is_bridged(field: str) -> None:
+    robot = Robot(FIVE)
+    robot.look(FIVE, stamp=2.998)
+    measured: Any = Broken(field)
+    view, _ = robot.watch.look(robot.state, measured, Q, Q, DT)
+    assert view.status == TorqueStatus.BAD_MEASUREMENT
+    assert np.isfinite(view.measured.q).all()
+
+
 def test_a_joint_that_only_its_velocity_tells_stays_within_bounds_and_counts_as_off() -> None:
     robot = Robot(FIVE)
     for _ in range(15_000):  # 30 s at 0.2 rad/s, which it is not

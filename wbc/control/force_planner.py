@@ -18,6 +18,7 @@ from wbc.contact.extended_finger import ExtendedKinematics
 from wbc.contact.grasp import ContactMode
 from wbc.control.hand_statics import Touches, loads, statics, touches
 from wbc.control.load_estimate import LoadEstimate, LoadState
+from wbc.control.numbers import given
 from wbc.control.payload import Body, Payload, wrench_to_supply
 from wbc.control.phases import Phase
 from wbc.control.references import minimum_jerk, object_acceleration
@@ -249,7 +250,7 @@ class ForcePlanner:
             last = ForceState(v, np.zeros((kin.grasp.count, 4)), (None,) * len(self._holds))
         mode, gravity = kin.state.mode, self._dynamics.gravity
         touch = touches(kin)
-        found = getattr(measurement, "force", None)
+        found = given(measurement, "force")
         body, load = self._carried(kin, t, phase, touch, last.load, found)
         wrench, com = wrench_to_supply(
             body, kin.object_rotation, kin.reference.twist, object_acceleration(t, phase.motion),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
 
 from wbc.arrays import Array
@@ -9,26 +12,31 @@ from wbc.arrays import Array
 _KINDS = "fiuO"  # floats, integers, and what turns into them: no text, no complex numbers
 
 
-def numbers(given: object, shape: tuple[int, ...]) -> Array | None:
+def numbers(values: object, shape: tuple[int, ...]) -> Array | None:
     """A copy of what is given as floats of a shape, NaN and inf as they are; None if it is none."""
     try:
-        values = np.array(given)  # a copy: a driver may fill its buffers again
-        if values.dtype.kind == "O" and any(isinstance(x, str | bytes) for x in values.flat):
+        found = np.array(values)  # a copy: a driver may fill its buffers again
+        if found.dtype.kind == "O" and any(isinstance(x, str | bytes) for x in found.flat):
             return None
-        if values.shape != shape or values.dtype.kind not in _KINDS:
+        if found.shape != shape or found.dtype.kind not in _KINDS:
             return None
-        return values.astype(np.float64, copy=False)
+        return found.astype(np.float64, copy=False)
     except Exception:  # an object may raise anything when it is read
         return None
 
 
+def given(measured: object, name: str) -> Any:
+    """A measurement's field as its driver hands it over: None where it has none, and NaN, which is
+    no measurement, where the driver raises when it is asked."""
+    try:
+        return getattr(measured, name, None)
+    except Exception:  # as above
+        return math.nan
+
+
 def reading(measured: object, name: str, shape: tuple[int, ...]) -> Array | None:
     """One of a measurement's readings, likewise; None where it is missing, too."""
-    try:
-        given = getattr(measured, name, None)
-    except Exception:  # as above
-        return None
-    return numbers(given, shape)
+    return numbers(given(measured, name), shape)
 
 
 def finite_reading(measured: object, name: str, shape: tuple[int, ...]) -> Array | None:

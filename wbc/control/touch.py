@@ -17,7 +17,7 @@ from wbc.contact.grasp import ContactState, Grasp
 from wbc.contact.surfaces import Surface
 from wbc.contact.surfaces.base import POINT
 from wbc.contact.surfaces.foot import outward
-from wbc.control.numbers import finite_reading
+from wbc.control.numbers import finite_reading, given
 from wbc.control.state import Measurement
 from wbc.robot.kinematics import Kinematics
 from wbc.robot.model import RobotModel
@@ -70,7 +70,7 @@ class TouchSense:
             q = np.where(self._own, seen, q)
         tips = (self._kin.update(q).position[:n] - kin.object_position) @ kin.object_rotation
         level = np.array([kin.grasp.surface.level(tip) for tip in tips]) - kin.grasp.rest_length
-        if getattr(measured, "force", None) is None:
+        if given(measured, "force") is None:
             return Felt(np.where(level <= 0.0, np.inf, 0.0), tips, level)
         force = finite_reading(measured, "force", (n, 3))
         if force is None:

@@ -20,6 +20,7 @@ import numpy as np
 from wbc.arrays import Array, BoolArray, IntArray
 from wbc.contact.grasp import ContactMode
 from wbc.control.force_control import Goal, TorqueStatus
+from wbc.control.numbers import given
 from wbc.control.pace import pace_of, stride
 from wbc.control.readings import Readings, ReadingState
 from wbc.control.state import PRESSING, Measurement
@@ -184,10 +185,10 @@ class Watch:
         self, state: WatchState, measured: Measurement, dt: float
     ) -> tuple[WatchState, TorqueStatus]:
         """Whether the measurement comes in time and in order; only where it has a stamp."""
-        given = getattr(measured, "stamp", None)
-        if given is None:
+        told = given(measured, "stamp")
+        if told is None:
             return state._replace(late=0), TorqueStatus.OK
-        stamp = _number(given)
+        stamp = _number(told)
         if not np.isfinite(stamp):
             return state, TorqueStatus.BAD_MEASUREMENT
         passed = stamp - state.stamp
@@ -226,5 +227,5 @@ def _number(value: Any) -> float:
     """A time as a driver hands it over; NaN where it is no real number."""
     try:
         return float(value) if isinstance(value, Real) else np.nan
-    except (OverflowError, TypeError, ValueError):
+    except Exception:  # an object may raise anything when it is read
         return np.nan
