@@ -36,13 +36,13 @@ def main() -> None:
 
     assembly = build(load("planar_exchange_dynamic"))
     control = build_torque_control(assembly)  # both stages; no robot is simulated in there
-    state = control.init(assembly.start)
     names, dt = assembly.model.joint_names, assembly.controller.settings.dt
 
     dynamics = build_dynamics(assembly)
     assert dynamics is not None  # the scenario has an engine
     robot, start = dynamics.plant, assembly.controller.law.kin.start  # here stands your robot
     sensed = robot.reset(assembly.start.q, np.zeros(len(names)), start.position, start.rotation)
+    state = control.init(assembly.start, sensed.q)  # refused where it is not at the start
     mode, status = np.full(len(sensed.force), -1), TorqueStatus.OK
     for tick in range(ticks):
         outcome, state = control.step(state, measured(sensed, tick, ticks))

@@ -190,6 +190,8 @@ def test_creep_is_measured_where_the_reference_rests() -> None:
     assert summarize(run())["creep_m_per_s"] is None  # it never rests
     short = recorded(600, {k: tick(k) for k in range(600)}, LIMITED)
     assert summarize(short)["creep_m_per_s"] is None
+    taken = {k: {**tick(k), "mode": np.array([1, k > 400])} for k in range(700)}
+    assert summarize(recorded(700, taken, LIMITED))["creep_m_per_s"] is None
 
 
 DONE = Outcome((), True)

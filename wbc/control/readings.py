@@ -33,6 +33,8 @@ class ReadingState(NamedTuple):
         shown: (N, 3) the forces last taken for measured.
         good_q, good_force: (nv,), (N,) whether the present reading can be used.
         missed: (2 nv + N,) ticks in a row without a usable q, v and force.
+        ever: (2 nv + N,) sensors that are there: every joint's position, the others once they gave
+            a reading that can be used.
         same: (nv + N,) ticks in a row with the very same reading, of joints and fingertips.
         way: (nv,) commanded since then [rad] or [m]; plan: (N, 3) planned then [N].
     """
@@ -47,6 +49,7 @@ class ReadingState(NamedTuple):
     good_q: BoolArray
     good_force: BoolArray
     missed: IntArray
+    ever: BoolArray
     same: IntArray
     way: Array
     plan: Array
@@ -79,7 +82,8 @@ class Readings:
             np.full(nv, np.nan), np.full(nv, np.nan), np.full((n, 3), np.nan), np.full(nv, np.nan),
             none, none, forces,
             np.ones(nv, dtype=np.bool_), np.ones(n, dtype=np.bool_),
-            np.zeros(2 * nv + n, dtype=np.int64), np.zeros(nv + n, dtype=np.int64), none, forces,
+            np.zeros(2 * nv + n, dtype=np.int64), np.arange(2 * nv + n) < nv,
+            np.zeros(nv + n, dtype=np.int64), none, forces,
         )  # fmt: skip
 
     def read(
@@ -106,16 +110,18 @@ class Readings:
         status = TorqueStatus.FROZEN if stuck.any() else TorqueStatus.OK
         good = np.concatenate([good_q, good_v, good_force])
         missed = np.where(good, 0, state.missed + 1)
+        ever = state.ever | good
         before = state
         state = state._replace(
             q=raw_q, v=raw_v, force=raw_force, known=np.where(good_q, raw_q, state.known),
-            good_q=good_q, good_force=good_force, missed=missed,
+            good_q=good_q, good_force=good_force, missed=missed, ever=ever,
         )  # fmt: skip
         if good.all():
             state = state._replace(off=raw_q - q, off_rate=raw_v - v, shown=raw_force)
             return Measurement(raw_q, raw_v, raw_force), status, state
-        blind = missed > self._bridged
-        status |= TorqueStatus.BAD_MEASUREMENT
+        blind = (missed > self._bridged) & ever
+        if (ever & ~good).any():
+            status |= TorqueStatus.BAD_MEASUREMENT
         if blind.any():
             status |= TorqueStatus.BLIND
         fade = np.where(blind, _FADING, 1.0)
@@ -130,7 +136,7 @@ class Readings:
         off = np.where(good_v, state.off + dt * rate, fade[:nv] * state.off)
         off = np.where(good_q, np.where(good_q, raw_q, q) - q, self._within(q, off))
         shown = np.where(good_force[:, None], raw_force, state.shown)
-        gone = blind[2 * nv :, None]  # as planned: nothing to correct
+        gone = (blind | ~ever)[2 * nv :, None]  # as planned: nothing to correct
         shown = np.where(gone & ~good_force[:, None], plan, shown)
         found = Measurement(q + off, v + rate, shown)
         return found, status, state._replace(off=off, off_rate=rate, shown=shown)
@@ -156,7 +162,7 @@ class Readings:
         dt: float,
     ) -> tuple[ReadingState, BoolArray]:  # fmt: skip
         """(nv + N,) sensors that say the very same while something is commanded."""
-        joints = (q == state.q) & (v == state.v)
+        joints = (q == state.q) & ((v == state.v) | ~state.ever[len(q) : 2 * len(q)])
         tips = (force == state.force).all(axis=1) & (force != 0.0).any(axis=1)
         repeated = np.concatenate([joints, tips])
         same = np.where(repeated, state.same + 1, 0)

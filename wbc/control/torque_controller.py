@@ -9,6 +9,7 @@ import numpy as np
 from wbc.arrays import Array, BoolArray
 from wbc.contact.grasp import ContactMode
 from wbc.contact.surfaces.foot import outward
+from wbc.control import checks
 from wbc.control.controller import Controller
 from wbc.control.force_control import Command, ForceControl, Goal, TorqueState
 from wbc.control.readings import Readings
@@ -22,6 +23,7 @@ from wbc.control.state import (
     TickRecord,
 )
 from wbc.control.watch import View, Watch, WatchSettings, WatchState
+from wbc.errors import SetupError
 
 _SEEKING = 0.01  # [m/s] at which a finger looks for an object that it has lost
 _FURTHEST = 0.008  # [m] that it goes
@@ -91,12 +93,19 @@ class TorqueController:
         self.second = second
         self.set_points = set_points
 
-    def init(self, start: ControllerState) -> LoopState:
+    def init(self, start: ControllerState, measured: Array | None = None) -> LoopState:
         """State before the first tick.
 
         Args:
             start: of the first stage: `Controller.init`, or the `start` of a scenario's assembly.
+            measured: (nv,) where the joints are, to make sure that it is where they start: from the
+                first tick on they are held there with all the stiffness there is.
+
+        Raises:
+            SetupError: a joint is further off than the watchdogs let a moving one be.
         """
+        if measured is not None:
+            self._at_start(start.q, checks.vector("measured", measured, len(start.q)))
         none = np.zeros(self.first.law.kin.grasp.count)
         return LoopState(start, self.second.init(), self.watch.init(), none)
 
@@ -110,9 +119,25 @@ class TorqueController:
         command, second = self.second.step(state.second, goal, view.measured, dt)
         command = command._replace(status=command.status | view.status)
         watch = self.watch.done(watch, goal, command.status)
-        tick = LoopTick(_logged(record, command, goal, watch), command, goal)
+        # what becomes of a tick does not become of the state
+        given = command._replace(tau=command.tau.copy())
+        shown = goal._replace(
+            q=goal.q.copy(), v=goal.v.copy(), mode=goal.mode.copy(), points=goal.points.copy(),
+            normals=goal.normals.copy(), force=goal.force.copy(),
+        )  # fmt: skip
+        tick = LoopTick(_logged(record, given, goal, watch), given, shown)
         way = np.where(record.mode == ContactMode.FREE, 0.0, way)
         return tick, LoopState(first, second, watch, way)
+
+    def _at_start(self, q: Array, measured: Array) -> None:
+        off = np.abs(measured - q) / self.watch.error_at_stand
+        worst = int(np.argmax(off))
+        if off[worst] > 0.5:
+            name, way = self.first.law.kin.robot.model.joint_names[worst], abs(measured - q)
+            raise SetupError(
+                f"joint '{name}' is {way[worst]:.3g} from where the run starts: bring the robot "
+                "there first, or start the run where it is"
+            )
 
     def _sought(
         self, state: LoopState, seeks: BoolArray, dt: float
@@ -143,7 +168,8 @@ class TorqueController:
             if shares[k] > last:  # between two sets of fingers as their shares are: no step
                 others = self._without(gone, record, motion, found, force, arms)
                 left += (shares[k] - last) * (others - force)
-        return Goal(record.q, record.v, record.mode, arms, record.contact_normals, left)
+        q, v, mode = record.q.copy(), record.v.copy(), record.mode.copy()
+        return Goal(q, v, mode, arms, record.contact_normals.copy(), left)
 
     def _without(
         self, gone: BoolArray, record: TickRecord, motion: Motion, found: Array | None,
@@ -200,6 +226,6 @@ def _logged(record: TickRecord, command: Command, goal: Goal, watch: WatchState)
     sensed, unknown = watch.readings, np.full((3, 3), np.nan)
     slip = np.full(len(goal.force), np.nan)
     return record._replace(dynamics=DynamicsRecord(
-        command.tau, sensed.force, goal.force, unknown[0], unknown, slip, sensed.q, sensed.v,
-        int(command.status),
+        command.tau.copy(), sensed.force.copy(), goal.force.copy(), unknown[0], unknown, slip,
+        sensed.q.copy(), sensed.v.copy(), int(command.status),
     ))  # fmt: skip

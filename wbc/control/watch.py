@@ -112,7 +112,11 @@ class View(NamedTuple):
 
 @final
 class Watch:
-    """The watchdogs of one robot; holds no state between ticks."""
+    """The watchdogs of one robot; holds no state between ticks.
+
+    Attributes:
+        error_at_stand: (nv,) distances from the reference at which all stands still, [rad] or [m].
+    """
 
     def __init__(
         self, settings: WatchSettings, readings: Readings, fingers: BoolArray, count: int
@@ -124,7 +128,7 @@ class Watch:
         """
         self.settings = settings
         self._readings = readings
-        self._hold = np.where(fingers, settings.finger_error, settings.arm_error)
+        self.error_at_stand = np.where(fingers, settings.finger_error, settings.arm_error)
         self._count = count
 
     def init(self) -> WatchState:
@@ -155,7 +159,7 @@ class Watch:
         wanted = 1.0
         if status & (TorqueStatus.BLIND | TorqueStatus.FROZEN) or state.late >= self.settings.late:
             wanted = 0.0
-        error = np.max(np.abs(usable.q - q) / self._hold)
+        error = np.max(np.abs(usable.q - q) / self.error_at_stand)
         if error > 0.5:
             status |= TorqueStatus.TRACKING
             wanted = min(wanted, max(0.0, 2.0 - 2.0 * float(error)))

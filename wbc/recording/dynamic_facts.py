@@ -116,9 +116,10 @@ def creep(log: Log) -> tuple[float, float] | None:
     It is the slope of the straight lines that fit its position and its rotation vector best, over
     the end of the run's last rest of the reference, 10 s at most: noise of 0.2 mrad in the joints
     looks like 0.3 mm/s in one second and like 0.01 mm/s in ten. A rest of less than 5 s tells
-    nothing.
+    nothing, and where contacts change it is over.
     """
     still = np.all(np.diff(log.object_pose_ref, axis=0) == 0.0, axis=1)
+    still &= np.all(np.diff(log.contact_mode, axis=0) == 0, axis=1)
     moves = np.flatnonzero(~still)
     ends = np.append(moves, len(still)) if len(still) else np.zeros(0, dtype=np.int64)
     begins = np.concatenate(([0], moves + 1))[: len(ends)]
