@@ -61,6 +61,20 @@ def test_a_run_cut_short_is_an_honest_failure(short):
     assert summary["ticks"] == 100
 
 
+@pytest.mark.parametrize("stiff", ["pad_damping=1e9", "joint_damping={'*': 1e6}"])
+def test_physics_that_diverges_is_a_failure_with_a_name_and_a_log(tmp_path, stiff):
+    given = ("--set", f"simulation.physics.{stiff}", "--set", "simulation.duration=0.1s")
+    done = wbc("run", "planar_exchange_dynamic", *given, cwd=tmp_path)
+    assert done.returncode == 1 and "internal error" not in done.stderr, done.stderr
+    folder = tmp_path / "runs/planar_exchange_dynamic"
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["success"] is False and summary["failure"] == "diverged"
+    assert 0.0 < summary["failure_t"] < 0.1
+    log = arrays(folder / "log.npz")
+    assert len(log["t"]) == 50 and np.isfinite(log["q"]).all()
+    assert np.isnan(log["q_meas"][-1]).all()
+
+
 def test_off_a_terminal_progress_is_a_few_plain_lines(short):
     lines = short[1].stderr.splitlines()
     assert "\r" not in short[1].stderr

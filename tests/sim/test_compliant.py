@@ -266,3 +266,53 @@ def test_steps_are_reproducible() -> None:
     a, b = jogged(1e-3)[1], jogged(1e-3)[1]
     for one, other in zip(a, b, strict=True):
         assert np.array_equal(one, other)
+
+
+NO_NUMBERS = [
+    [np.nan, 0.0, 0.0], [0.0, np.inf, 0.0], [np.inf, -np.inf, np.nan], [1e300, 0.0, 0.0],
+    [1e308, 1e308, 1e308], [0.0, 1e160, 0.0],
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("feedback", [False, True])
+@pytest.mark.parametrize("tau", NO_NUMBERS)
+def test_numbers_that_are_none_do_not_raise(tau: list[float], feedback: bool) -> None:
+    plant = probe(Sphere(0.05), FreeBody(0.3, np.zeros(3), np.full(3, 1e-3)), 5e-4)
+    away, still = np.array([0.0, 0.0, 0.5]), np.zeros(3)
+
+    def step(torques: Array) -> Sensed:
+        if feedback:
+            return plant.step_feedback(lambda _, measured: torques + 0.0 * measured.q, 2e-3)
+        return plant.step(torques, 2e-3)
+
+    plant.reset(still, still, away, np.eye(3))
+    first, later = step(np.array(tau)), step(still)  # for good
+    for values in (*first, *later):
+        assert np.isnan(values).all()
+    seen = plant.reset(still, still, away, np.eye(3))
+    again = step(still)
+    for values in (*seen, *again):
+        assert np.isfinite(values).all()
+
+
+def test_pushes_and_states_that_are_no_numbers_do_not_raise() -> None:
+    plant = probe(Sphere(0.05), FreeBody(0.3, np.zeros(3), np.full(3, 1e-3)), 5e-4)
+    still, lost = np.zeros(3), np.zeros(1, dtype=np.bool_)
+    plant.reset(still, still, np.array([0.0, 0.0, 0.054]), np.eye(3))
+    plant.disturb(np.array([0.0, np.nan, 0.0]), lost)
+    assert np.isnan(plant.step(still, 2e-3).object_position).all()
+    assert np.isnan(plant.reset(still, np.full(3, np.nan), still, np.eye(3)).q).all()
+
+
+def test_what_diverges_is_said_and_does_not_begin_anew() -> None:
+    """Joints with more friction than the step can bear: the rule goes to infinity by itself."""
+    model = load_robot(Path("probe.urdf"), text=PROBE)
+    physics = Physics(5e-4, np.full(1, 0.8), np.zeros(1), np.zeros(3), np.full(3, 1e5))
+    body = FreeBody(0.3, np.zeros(3), np.full(3, 1e-3))
+    plant = CompliantPlant(model, ("tip",), Sphere(0.05), body, pads(1), physics)
+    plant.reset(np.zeros(3), np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.0, 0.5]), np.eye(3))
+    seen = [plant.step(np.zeros(3), 2e-3) for _ in range(50)]
+    gone = np.array([[bool(np.isnan(values).all()) for values in one] for one in seen])
+    first = int(np.argmax(gone.any(axis=1)))
+    assert gone[first:].all() and not gone[:first].any()
+    assert all(np.isfinite(values).all() for one in seen[:first] for values in one)

@@ -26,10 +26,14 @@ from wbc.robot.model import RobotModel
 from wbc.rotations import cross, dexp_inverse, exp_so3, rotate
 from wbc.sim.feet import Feet
 from wbc.sim.pads import Pads, pad_forces
-from wbc.sim.plant import Plant, Sensed
+from wbc.sim.plant import Plant, Sensed, no_numbers
 
 Feedback: TypeAlias = Callable[[float, Measurement], Array]
 """Torques (nv,) from the time since the step began [s] and what is measured there."""
+
+_HUGE = 1e10
+"""No position, velocity or energy of a robot is as large in SI units: there the rule has
+diverged."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,7 @@ def _joint_accelerations(
             work, M = Sᵀ M_full S with S the ratios.
         drift: (n_full,) M_full's Coriolis, centrifugal and gravity torques.
         force: (N, 3) of the tips on the object; `linear` (N, 3, nv) the tips' Jacobians.
+        out: (nv,) filled with v̇; NaN where forces or torques are not finite.
     """
     nv, full = v.shape[0], master.shape[0]
     m, rest = np.zeros((nv, nv)), tau - joint_damping * v
@@ -93,7 +98,10 @@ def _joint_accelerations(
         for i in range(force.shape[0]):
             for r in range(3):
                 rest[j] -= linear[i, r, j] * force[i, r]
-    out[:] = np.linalg.solve(m, rest)
+    if np.isfinite(m).all() and np.isfinite(rest).all():  # else `solve` would raise
+        out[:] = np.linalg.solve(m, rest)
+    else:
+        out[:] = np.nan
     kinetic = 0.5 * np.sum(v * (m @ v))
     return kinetic, np.sum(v * tau), np.sum(joint_damping * v * v)
 
@@ -134,6 +142,8 @@ def _body_rates(
 @final
 class CompliantPlant(Plant):
     """Robot, object and pads under torques.
+
+    What has diverged stays as it is, and is said to be no numbers, until `reset`.
 
     Attributes:
         energy: of everything, kinetic, of gravity and in springs, at the last evaluation [J].
@@ -253,6 +263,8 @@ class CompliantPlant(Plant):
         return Measurement(self._kin.q.copy(), self._v, self._force.copy())
 
     def _sensed(self) -> Sensed:
+        if _diverged(self._y):
+            return no_numbers(self._model.nv, len(self._holds))
         self._begin()
         self._rates(self._y, lambda _: np.zeros(self._model.nv), 0.0)
         q, v, com, _, _, _, _, slip, _ = (part.copy() for part in self._parts(self._y))
@@ -272,18 +284,23 @@ class CompliantPlant(Plant):
         h = dt / count
         for k in range(count):
             y, t = self._y, k * h
+            if _diverged(y):
+                break
             if k:  # what is sensed before a step has begun it
                 self._begin()
-            a = self._rates(y, torques, t)
-            b = self._rates(y + 0.5 * h * a, torques, t + 0.5 * h)
-            c = self._rates(y + 0.5 * h * b, torques, t + 0.5 * h)
-            d = self._rates(y + h * c, torques, t + h)
-            self._y = y + h / 6.0 * (a + 2.0 * (b + c) + d)
+            with np.errstate(over="ignore", invalid="ignore"):  # where it diverges
+                a = self._rates(y, torques, t)
+                b = self._rates(y + 0.5 * h * a, torques, t + 0.5 * h)
+                c = self._rates(y + 0.5 * h * b, torques, t + 0.5 * h)
+                d = self._rates(y + h * c, torques, t + h)
+                self._y = y + h / 6.0 * (a + 2.0 * (b + c) + d)
         return self._sensed()
 
     def _rates(self, y: Array, torques: Callable[[float], Array], elapsed: float) -> Array:
-        """dy/dt; leaves the contact forces and the energy behind."""
-        out = np.empty_like(y)
+        """dy/dt, NaN where y has diverged; leaves the contact forces and the energy behind."""
+        out = np.full_like(y, np.nan)
+        if _diverged(y):
+            return out
         q, v, com, phi, velocity, spin, bristles, _, _ = self._parts(y)
         q_rate, v_rate, _, _, _, _, bristle_rate, slip_rate, account = self._parts(out)
         kin, pads, model, given = self._kin.update(q), self._pads, self._model, self._physics
@@ -319,3 +336,8 @@ class CompliantPlant(Plant):
         height -= self._body.mass * float(self._gravity @ com)
         self.energy = kinetic + moving + stored + height
         return out
+
+
+def _diverged(y: Array) -> bool:
+    """Whether a state is none that a robot can be in; also where parts are not finite."""
+    return not bool((np.abs(y) < _HUGE).all())

@@ -16,7 +16,7 @@ from wbc.rotations import cross, exp_so3
 from wbc.sim.mujoco_model import OBJECT_BIT, MujocoModel, wxyz
 from wbc.sim.mujoco_plane import Followed
 from wbc.sim.mujoco_shapes import mujoco
-from wbc.sim.plant import Plant, Sensed
+from wbc.sim.plant import Plant, Sensed, no_numbers
 
 
 @final
@@ -116,7 +116,9 @@ class MujocoPlant(Plant):
             self.data.ctrl[self._map.motor] = tau
             self._advance(steps)
             self._lost = bool(self.data.warning.number[self._fatal].any())
-        return _no_numbers(self._map) if self._lost else self._sensed(dt)
+        if self._lost:
+            return no_numbers(self._map.robot.nv, len(self._slip))
+        return self._sensed(dt)
 
     def _advance(self, steps: int) -> None:
         if self._followed is None:
@@ -213,9 +215,3 @@ def _gathered(
 def _velocity(body: int, point: Array, root: Any, com: Array, twist: Array) -> Array:
     """(3,) velocity of a body's point in the world [m/s]."""
     return twist[body, 3:] + cross(twist[body, :3], point - com[root[body]])
-
-
-def _no_numbers(model: MujocoModel) -> Sensed:
-    nv, contacts = model.robot.nv, len(model.pad_geom)
-    shapes = ((nv,), (nv,), (contacts, 3), (3,), (3, 3), (contacts,))
-    return Sensed(*(np.full(shape, np.nan) for shape in shapes))

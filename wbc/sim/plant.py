@@ -5,6 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
+import numpy as np
+
 from wbc.arrays import Array, BoolArray, IntArray
 from wbc.control.state import Measurement
 
@@ -68,5 +70,12 @@ class Plant(ABC):
     def step(self, tau: Array, dt: float) -> Sensed:
         """Hold the torques (nv,) for a time dt [s] and say what there is then.
 
-        Never raises on numbers: an engine that diverges says so by values that are not finite.
+        Never raises on numbers: an engine that diverges says so by values that are not finite, from
+        then on until `reset`.
         """
+
+
+def no_numbers(nv: int, count: int) -> Sensed:
+    """What an engine that has diverged says of nv joints and `count` contacts."""
+    shapes = ((nv,), (nv,), (count, 3), (3,), (3, 3), (count,))
+    return Sensed(*(np.full(shape, np.nan) for shape in shapes))
