@@ -13,8 +13,8 @@ from wbc.campaign.store import CAMPAIGN, TRIALS, Store
 from wbc.errors import WbcError
 
 ABOUT: dict[str, Any] = {
-    "scenario": "x", "scenario_sha256": "12ab", "seed": 3, "overrides": {"a.b": "1"},
-    "varied": {}, "versions": {"wbc": "0"},
+    "scenario": "x", "scenario_sha256": "12ab", "robot_sha256": "34cd", "seed": 3,
+    "overrides": {"a.b": "1"}, "varied": {}, "versions": {"wbc": "0", "numpy": "2"},
 }  # fmt: skip
 
 
@@ -71,6 +71,13 @@ def test_nothing_but_a_torn_line(tmp_path: Path) -> None:
         ("overrides", {}, 'overrides {"a.b": "1"} there, {} now'),
         ("varied", {"c": "1 %"}, "varied {} there"),
         ("scenario_sha256", "cd", "its scenario's text differs"),
+        ("robot_sha256", "cd", "its robot's description differs"),
+        ("versions", {"wbc": "1", "numpy": "2"}, "campaign: wbc 0 there, 1 now ("),
+        (
+            "versions",
+            {"wbc": "0", "mujoco": "3"},
+            "mujoco not there, 3 now, numpy 2 there, not now",
+        ),
     ],
 )
 def test_another_campaign_is_refused(tmp_path: Path, key: str, value: Any, said: str) -> None:
@@ -82,11 +89,15 @@ def test_another_campaign_is_refused(tmp_path: Path, key: str, value: Any, said:
     assert (tmp_path / TRIALS).read_text() == line(0) + "\n"
 
 
-def test_other_versions_are_no_other_campaign(tmp_path: Path) -> None:
+def test_a_folder_that_does_not_say_of_which_robot_is_refused(tmp_path: Path) -> None:
+    """As those were that were written before it was kept."""
     filled(tmp_path, 0)
-    store = Store(tmp_path, {**ABOUT, "versions": {"wbc": "1"}})
-    assert list(store.lines) == [0]
-    store.close()
+    path = tmp_path / CAMPAIGN
+    about = json.loads(path.read_text())
+    del about["robot_sha256"]
+    path.write_text(json.dumps(about))
+    with pytest.raises(WbcError, match=r"it does not say of which robot .*delete the folder"):
+        Store(tmp_path, ABOUT)
 
 
 def test_one_at_a_time(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 
+from wbc import resources
 from wbc.campaign.trial import Trial, trial_seed
 from wbc.campaign.vary import drawn, read_variations
 from wbc.cli import main
@@ -232,8 +233,36 @@ def test_another_campaign_in_the_folder_is_one_line(
     before = lines(reference[0])
     assert main([*WHAT, "--seed", "1", "--out", str(reference[0])]) == 2
     said = capsys.readouterr().err.splitlines()
-    assert len(said) == 1 and "seed 0 there, 1 now (choose another --out)" in said[0]
+    assert len(said) == 1 and "seed 0 there, 1 now (choose another --out" in said[0]
     assert lines(reference[0]) == before
+
+
+def test_another_robot_and_other_versions_are_one_line_each(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(command, "run_trial", light.light)
+    loaded = load("planar_exchange")
+    file, urdf = tmp_path / "mine.yaml", tmp_path / "mine.urdf"
+    text = resources.find("urdf", loaded.scenario.robot.urdf).read_text()
+    urdf.write_text(text)
+    file.write_text(loaded.text)
+    what = [
+        "sweep", str(file), "--set", f"robot.urdf={urdf}", *VARY, "--trials", "2",
+        "--workers", "1", "--out", str(tmp_path / "out"),
+    ]  # fmt: skip
+    assert main(what) == 0
+    capsys.readouterr()
+    versions = command.installed_versions()
+    monkeypatch.setattr(command, "installed_versions", lambda: {**versions, "numpy": "0.1"})
+    assert main(what) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1 and f"numpy {versions['numpy']} there, 0.1 now (choose" in said[0]
+    monkeypatch.undo()
+    urdf.write_text(text.replace("<robot", "<!-- weighed again --><robot", 1))
+    assert main(what) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1 and "its robot's description differs (choose" in said[0]
+    assert len(trials(tmp_path / "out")) == 2
 
 
 def test_a_trial_that_cannot_start_is_a_failure_with_its_reason(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from wbc.files import write_whole
 CAMPAIGN: Final = "campaign.json"
 TRIALS: Final = "trials.jsonl"
 REPORT: Final = "report.html"
-_ABOUT: Final = ("scenario_sha256", "seed", "overrides", "varied")
+_ABOUT: Final = ("scenario_sha256", "robot_sha256", "seed", "overrides", "varied", "versions")
 """What must be the same for trials to belong together."""
 
 
@@ -83,7 +83,7 @@ class Store:
             what = ", ".join(_said(key, found.get(key), about.get(key)) for key in other)
             raise WbcError(
                 f"'{self._folder}' holds the trials of another campaign: {what} "
-                "(choose another --out)"
+                "(choose another --out, or delete the folder)"
             )
 
     def add(self, number: int, line: str) -> None:
@@ -128,6 +128,13 @@ def _read(path: Path) -> tuple[dict[int, str], int]:
 def _said(key: str, found: Any, asked: Any) -> str:
     if key == "scenario_sha256":
         return "its scenario's text differs"
+    if key == "robot_sha256":
+        return "its robot's description differs" if found else "it does not say of which robot"
+    if key == "versions" and isinstance(found, dict) and isinstance(asked, dict):
+        names = sorted(name for name in {*found, *asked} if found.get(name) != asked.get(name))
+        return ", ".join(
+            f"{name} {found.get(name, 'not')} there, {asked.get(name, 'not')} now" for name in names
+        )
     return f"{key} {_short(found)} there, {_short(asked)} now"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import hashlib
 import os
 import sys
 import time
@@ -26,7 +27,8 @@ from wbc.cli.trial import crashed_line, first_tick, run_trial
 from wbc.files import write_whole
 from wbc.recording import installed_versions
 from wbc.scenario import Loaded
-from wbc.scenario.build import build
+from wbc.scenario.build import Assembly, build
+from wbc.scenario.places import pairs_file
 
 LOGS: Final = "trials"
 """Folder of the logs kept, one folder a trial."""
@@ -44,9 +46,10 @@ def sweep_command(arguments: argparse.Namespace) -> int:
     if not variations and loaded.scenario.simulation.disturbances is None:
         _say("nothing but the seed differs from trial to trial (see --vary)")
     with SlowNotice(_say):
-        first_tick(build(loaded))  # also: a scenario that cannot run is told before there are 1000
+        assembly = build(loaded)
+        first_tick(assembly)  # also: a scenario that cannot run is told before there are 1000
     interrupts.check()
-    about = _about(loaded, arguments)
+    about = _about(assembly, arguments)
     store = Store(folder, about)
     campaign = _Campaign(loaded, variations, folder.resolve(), arguments, client)
     todo = [n for n in range(arguments.trials) if n not in store.lines]
@@ -75,17 +78,28 @@ def sweep_command(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _about(loaded: Loaded, arguments: argparse.Namespace) -> dict[str, Any]:
+def _about(assembly: Assembly, arguments: argparse.Namespace) -> dict[str, Any]:
     """What campaign.json says; the seed is apart from what else is set."""
+    loaded = assembly.loaded
     set_otherwise = {k: v for k, v in loaded.overrides.items() if k != "simulation.seed"}
     return {
         "scenario": loaded.scenario.name,
         "scenario_sha256": loaded.hash,
+        "robot_sha256": _robot_hash(assembly),
         "seed": loaded.scenario.simulation.seed,
         "overrides": set_otherwise,
         "varied": dict(sorted(text.split("=", 1) for text in arguments.vary)),
         "versions": installed_versions(),
     }
+
+
+def _robot_hash(assembly: Assembly) -> str:
+    """SHA-256 of the URDF as it was checked, and of the SRDF where that is read."""
+    digest = hashlib.sha256(assembly.model.text.encode())
+    srdf = assembly.loaded.scenario.robot.srdf
+    if srdf is not None and assembly.pairs is not None:
+        digest.update(pairs_file(srdf, assembly.loaded.path.parent).read_bytes())
+    return digest.hexdigest()
 
 
 @final
