@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.sim.worlds import PROBE
+from wbc.control.force_control import finger_joints
 from wbc.errors import ScenarioError
+from wbc.robot.model import load_robot
 from wbc.scenario import load
+from wbc.scenario.arms import check_arms
 from wbc.scenario.build import build
 from wbc.scenario.build_dynamics import build_dynamics, true_body, true_physics
 
@@ -102,6 +107,56 @@ def test_fingers_are_the_joints_that_carry_one_tip() -> None:
     assert fingers == [
         f"{side}_{finger}_{k}" for side in ("left", "right") for finger in "ab" for k in (1, 2)
     ]
+
+
+ONLY_FINGERS = [
+    ("stiffness", "{left_a_1: 10 Nm/rad}", "stiffness.left_a_1: ", "left_a_1", "position"),
+    ("stiffness", "{'*_trunk_*': 500, 'right_b_*': 10}", "stiffness.right_b_*: ", "right_b_1",
+     "position"),
+    ("damping", "{left_b_2: 3, '*': 90}", "damping.left_b_2: ", "left_b_2", "damping"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "value", "where", "joint", "instead"), ONLY_FINGERS)
+def test_gains_of_arms_that_fit_fingers_only_are_refused(
+    kind: str, value: str, where: str, joint: str, instead: str
+) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        build(load(TASK, {f"force_control.arms.{kind}": value}))
+    (line,) = str(caught.value).splitlines()
+    assert f"{where.split('.', 1)[1]}fits only joints of fingers" in line, line
+    assert f"as '{joint}' does" in line and f"'force_control.{instead}'; name joints of" in line
+
+
+def test_where_it_stands_in_the_file_is_said(tmp_path: Path) -> None:
+    file, text = tmp_path / "mine.yaml", load(TASK).text
+    before = "  arms: {stiffness: 1000 Nm/rad, damping: 60 Nm s/rad}\n"
+    assert text.count(before) == 1
+    file.write_text(text.replace(before, "  arms:\n    stiffness:\n      left_a_*: 10 Nm/rad\n"))
+    at = file.read_text().splitlines().index("      left_a_*: 10 Nm/rad") + 1
+    with pytest.raises(ScenarioError, match=rf"mine\.yaml:{at}:7: force_control\.arms\.stiff"):
+        build(load(file))
+
+
+def test_arms_with_one_tip_each_are_fingers_as_a_whole() -> None:
+    """What was written for their arms is refused; what nobody wrote is no fault."""
+    scenario, model = load(TASK).scenario, build(load(TASK)).model
+    tips = tuple(scenario.robot.fingers[name] for name in ("f1", "f3"))
+    assert finger_joints(model, tips).sum() == 10  # fingers without a tip carry none
+    table = ("force_control", "arms")
+
+    def faulty(arms: str) -> list[Any]:
+        given = load(TASK, {"force_control.arms": arms}).scenario
+        return [fault.path for fault in check_arms(given, model, tips)]
+
+    assert faulty("{}") == [] and faulty("{windup: 5 Nm}") == []
+    assert faulty("{damping: 60 Nm s/rad, stiffness: {left_trunk_2: 800}}") == [
+        (*table, "stiffness", "left_trunk_2")
+    ]
+    one = load_robot(Path("probe.urdf"), text=PROBE)
+    faults = check_arms(scenario, one, ("tip",))
+    assert [fault.path for fault in faults] == [(*table, "stiffness"), (*table, "damping")]
+    assert all(fault.text.endswith("; remove it") for fault in faults)
 
 
 def test_a_touch_by_its_defaults_ends_a_phase_and_an_empty_condition_names_it() -> None:

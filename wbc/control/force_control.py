@@ -81,6 +81,8 @@ class TorqueStatus(IntFlag):
 class ForceGains:
     """Gains of (36) and of the joint control.
 
+    Finger joints are those of `finger_joints`: with one fingertip on it, a whole arm is a finger.
+
     Attributes:
         position: (N,) k_P of the tips [N/m].
         force: (N,) k_F [1].
@@ -253,6 +255,10 @@ def _assembled(
 
 def finger_joints(model: RobotModel, tips: tuple[str, ...]) -> BoolArray:
     """(nv,) joints that carry one of the tips only; the others are arms and torso.
+
+    What counts is the tree and not what a joint looks like: joints that carry several tips are an
+    arm's, and so are those that carry none; where an arm ends in a single tip, all its joints are
+    the finger's.
 
     Args:
         tips: frames of the fingertips; a name given twice is one tip.

@@ -25,6 +25,7 @@ from wbc.robot.kinematics import Kinematics
 from wbc.robot.model import RobotModel
 from wbc.robot.pruning import PairReport
 from wbc.rotations import rotation_from_quaternion
+from wbc.scenario.arms import check_arms
 from wbc.scenario.build_costs import build_costs, safety_distance, watched_pairs
 from wbc.scenario.build_forces import build_planner
 from wbc.scenario.build_phases import build_phases
@@ -108,7 +109,8 @@ def _assemble(loaded: Loaded, model: RobotModel, hands: Hands) -> Assembly:
     scenario = loaded.scenario
     grasp = build_grasp(scenario, model)
     _check_faces(loaded, grasp)
-    if faults := check_table(scenario, grasp.surface):
+    tips = tuple(scenario.robot.fingers[name] for name in grasp.fingers)
+    if faults := [*check_table(scenario, grasp.surface), *check_arms(scenario, model, tips)]:
         raise loaded.error(faults)
     frames = tracked_frames(scenario, grasp)
     com = any(spec.type == "center_of_mass" for spec in scenario.tasks.values())
