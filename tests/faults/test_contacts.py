@@ -42,7 +42,7 @@ def test_a_finger_that_lost_the_object_goes_to_look_for_it_a_little() -> None:
     log, lost = found.log, found.ticks(TorqueStatus.CONTACT_LOST)
     inward = -log.contact_normals[lost[0], 2]
     way = (log.contact_points[:, 2] - log.contact_points[lost[0], 2]) @ inward
-    for since, least, most in ((0.05, -1e-5, 1e-5), (0.5, 4.1e-3, 4.4e-3), (1.2, 8e-3, 8.01e-3)):
+    for since, least, most in ((0.05, -1e-5, 1e-5), (0.3, 4.2e-3, 4.8e-3), (1.2, 8e-3, 8.01e-3)):
         at = lost[0] + round(since / DT)
         print(f"{since} s after it was lost {1e3 * way[at]:.2f} mm further in")
         assert least <= way[at] <= most
