@@ -28,7 +28,7 @@ def test_a_contact_lost_for_a_moment_is_bridged() -> None:
 
 
 def test_a_lost_contact_holds_the_motion_until_it_is_back() -> None:
-    found = run(1000, lost={"f3": (1.0, 1.3)})
+    found = run(1000, lost={"f3": (1.0, 1.25)})  # its tip goes 2 mm into the object meanwhile
     lost, held = found.ticks(TorqueStatus.CONTACT_LOST), found.ticks(TorqueStatus.HELD)
     print("lost", lost[[0, -1]], "held", held[[0, -1]], worst(found))
     assert lost[0] * DT == pytest.approx(1.03, abs=0.01)
@@ -42,7 +42,7 @@ def test_a_finger_that_lost_the_object_goes_to_look_for_it_a_little() -> None:
     log, lost = found.log, found.ticks(TorqueStatus.CONTACT_LOST)
     inward = -log.contact_normals[lost[0], 2]
     way = (log.contact_points[:, 2] - log.contact_points[lost[0], 2]) @ inward
-    for since, least, most in ((0.05, -1e-5, 1e-5), (0.3, 4.2e-3, 4.8e-3), (1.2, 8e-3, 8.01e-3)):
+    for since, least, most in ((0.05, -1e-5, 1e-5), (0.4, 4.6e-3, 5.2e-3), (1.2, 8e-3, 8.01e-3)):
         at = lost[0] + round(since / DT)
         print(f"{since} s after it was lost {1e3 * way[at]:.2f} mm further in")
         assert least <= way[at] <= most

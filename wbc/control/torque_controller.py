@@ -25,7 +25,7 @@ from wbc.control.state import (
 from wbc.control.watch import View, Watch, WatchSettings, WatchState
 from wbc.errors import SetupError
 
-_SEEKING = 0.02  # [m/s] at which a finger looks for an object that it has lost
+_SEEKING = 0.015  # [m/s] at which a finger looks for an object that it has lost
 _FURTHEST = 0.008  # [m] that it goes
 _PART = 0.2  # of its planned force with which a finger feels for an object that it has lost
 
