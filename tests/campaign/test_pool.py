@@ -44,6 +44,17 @@ def test_every_task_once_by_as_many_processes_as_asked_for(tmp_path: Path) -> No
     assert all(gone(pid) for pid in pids)
 
 
+def test_a_process_is_replaced_before_its_memory_has_grown_too_far(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wbc.campaign.pool._LIFE", 3)
+    done = list(in_processes(work.square, tasks(10, tmp_path), 1, never))
+    assert [task.number for task, _ in done] == list(range(10))
+    pids = [result[1] for _, result in done]
+    assert [pids.count(pid) for pid in dict.fromkeys(pids)] == [3, 3, 3, 1]
+    assert all(gone(pid) for pid in pids)
+
+
 def test_what_kills_its_process_is_given_up_and_the_others_go_on(tmp_path: Path) -> None:
     done = {t.number: r for t, r in in_processes(work.dies, tasks(8, tmp_path), 2, never)}
     assert done == {n: None if n in (2, 4, 6) else n for n in range(8)}
