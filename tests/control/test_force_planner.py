@@ -269,6 +269,21 @@ def test_the_first_forces_on_an_object_at_rest_begin_with_none() -> None:
     assert np.abs(np.diff(force, axis=0)).max() < 0.1 * np.abs(force[-1]).max()
 
 
+def test_a_timeout_that_goes_on_waits_for_forces_that_pass() -> None:
+    phases = [*hand_over()]
+    phases[1] = {**phases[1], "over": "0.06 s", "until": {"time": "9 s"},
+                 "timeout": {"after": "9.5 s", "then": "next"}}  # fmt: skip
+    assembly = holding(phases=phases, mass="20 g", forces={**SOFT, "ramp": "0.06 s"})
+    sequence = assembly.controller.phases
+    early = replace(sequence.phases[1], timeout=0.01)
+    join = replace(sequence, phases=(sequence.phases[0], early, *sequence.phases[2:]))
+    assembly.controller.phases = join
+    records, state = run(assembly, 190)
+    assert early.passes and state.phase.timeouts == ("join",)
+    forces = [plan(record).force for record in records]
+    assert np.abs(np.diff(forces, axis=0)).max() < 0.1 * np.linalg.norm(forces, axis=2).max()
+
+
 def test_no_finger_goes_whose_leaving_the_others_cannot_bear() -> None:
     """60 g: three fingers hold them, and thumb and index finger, which would be left, do not."""
     assembly = holding(phases=list(hand_over()), mass="60 g", forces={**SOFT, "ramp": "0.06 s"})

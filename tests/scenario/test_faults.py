@@ -86,7 +86,7 @@ ONE_FAULT = [
      "the upper one"),
     ("after: 2 s", "after: ^1 s", "phases[0].timeout.after: comes no later than until.time, so the "
      "phase cannot succeed"),
-    ("    over: 1 s\n", "    over: 1 s\n    timeout: {after: ^0.9 s, then: next}\n",
+    ("    over: 1 s\n", "    over: 1 s\n    timeout: {after: ^0.9 s, then: stop}\n",
      "phases[1].timeout.after: comes before the motions' end ('over'), so the phase cannot "
      "succeed"),
     ("{time: 1 s}", "^{}", "phases[0].until: is empty: give time, residual, tip_error, distance, "

@@ -267,7 +267,10 @@ class PhaseSequence:
             state = _sensed(phase, state, kin, felt, planned)
         if self._over(phase, state, t, kin, seen):
             return self._enter_next(state, t, kin, felt)
-        if t - state.since >= phase.timeout - 1e-9 and phase.name not in state.timeouts:
+        late = phase.timeout
+        if phase.passes and phase.on_timeout == "next":
+            late = max(late, phase.over)  # or planned forces would step
+        if t - state.since >= late - 1e-9 and phase.name not in state.timeouts:
             state = state._replace(timeouts=(*state.timeouts, phase.name))
             if phase.on_timeout == "next":
                 return self._enter_next(state, t, kin, felt)._replace(timed_out=True)

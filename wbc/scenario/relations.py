@@ -106,9 +106,9 @@ def _durations(path: KeyPath, phase: dict[str, Any], faults: Faults) -> None:
     if after is not None and time is not None and not after > time:
         text = "comes no later than until.time, so the phase cannot succeed"
         faults.add((*path, "timeout", "after"), text)
-    over = si(phase.get("over"), "time")
+    over, then = si(phase.get("over"), "time"), mapping(phase.get("timeout")).get("then")
     touch = mapping(phase.get("until")).get("touch")
-    if after is not None and over is not None and after < over and touch is None:
+    if then == "stop" and touch is None and after is not None and over is not None and after < over:
         text = "comes before the motions' end ('over'), so the phase cannot succeed"
         faults.add((*path, "timeout", "after"), text)
 
