@@ -120,8 +120,7 @@ class Readings:
             state = state._replace(off=raw_q - q, off_rate=raw_v - v, shown=raw_force)
             return Measurement(raw_q, raw_v, raw_force), status, state
         blind = (missed > self._bridged) & ever
-        if (ever & ~good).any():
-            status |= TorqueStatus.BAD_MEASUREMENT
+        status |= TorqueStatus.BAD_MEASUREMENT
         if blind.any():
             status |= TorqueStatus.BLIND
         fade = np.where(blind, _FADING, 1.0)
