@@ -15,6 +15,7 @@ from wbc.errors import ScenarioError
 from wbc.rotations import exp_so3
 from wbc.scenario.build import Assembly
 
+from .drivers import Broken
 from .holding import LIFT, holding
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -186,7 +187,7 @@ def run(
         given = None if measured == "none" else force
         seen: Any = Measurement(state.q, None, given)
         if measured == "raises":
-            seen = _NoForces(state.q)
+            seen = Broken("force", q=state.q, v=None)
         record, state = assembly.controller.step(state, seen)
         assert record.forces is not None
         masses.append(record.forces.mass)
@@ -204,17 +205,6 @@ def test_the_plan_is_for_the_load_that_is_measured() -> None:
     assert masses[-1] == pytest.approx(0.039, rel=1e-3)
     assert state.forces is not None and state.forces.load is not None
     assert np.linalg.norm(state.forces.load.shift) < 1e-4  # all forces grow: the centre stays
-
-
-class _NoForces:
-    """A driver's measurement whose forces raise when they are asked for."""
-
-    def __init__(self, q: np.ndarray) -> None:
-        self.q, self.v = q, None
-
-    @property
-    def force(self) -> np.ndarray:
-        raise OSError("no device")
 
 
 @pytest.mark.parametrize("measured", ["none", "nan", "raises"])

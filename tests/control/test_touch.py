@@ -19,6 +19,8 @@ from wbc.rotations import exp_so3
 from wbc.scenario import load
 from wbc.scenario.build import Assembly, build
 
+from .drivers import Broken
+
 PAD = 5e-3
 BODIES: list[tuple[Surface, list[list[float]], list[int], tuple[int, ...]]] = [
     # surface, contact coordinates, faces, directions of a displacement that touches tell
@@ -269,22 +271,11 @@ def test_what_is_no_measurement_is_no_exception(ball: Assembly, strange: Any) ->
         assert np.isfinite(record.v).all() and np.isfinite(after.q).all()
 
 
-class _NoForces:
-    """A driver's measurement whose forces raise when they are asked for."""
-
-    def __init__(self, q: np.ndarray) -> None:
-        self.q = self.v = q
-
-    @property
-    def force(self) -> np.ndarray:
-        raise OSError("no device")
-
-
 def test_a_force_that_raises_is_no_touch_and_no_exception(ball: Assembly) -> None:
     """As forces that are no numbers: a sensor is there, so where the surface is tells nothing."""
     state = closing(ball)
     for _ in range(5):
-        measured: Any = _NoForces(state.q)
+        measured: Any = Broken("force", q=state.q, v=state.q)
         record, after = ball.controller.step(state, measured)
         none = np.full((6, 3), np.nan)
         same, state = ball.controller.step(state, Measurement(state.q, state.q, none))

@@ -18,6 +18,8 @@ from wbc.control.references import Motion
 from wbc.control.state import Measurement, PhaseState
 from wbc.control.watch import View, Watch, WatchSettings, WatchState
 
+from .drivers import Broken
+
 DT = 2e-3
 Q = np.zeros(2)
 NORMALS = np.tile([0.0, -1.0, 0.0], (4, 1))
@@ -104,23 +106,11 @@ def test_whatever_a_driver_hands_over_is_bridged(values: Any) -> None:
     assert np.isfinite(view.measured.q).all()
 
 
-class Broken:
-    """A driver's measurement of which one field raises when it is asked for."""
-
-    def __init__(self, field: str) -> None:
-        self._field = field
-
-    def __getattr__(self, name: str) -> Any:
-        if name == self._field:
-            raise OSError("no device")
-        return {"q": Q, "v": Q, "force": -FIVE[:, None] * NORMALS, "stamp": 3.0}[name]
-
-
 @pytest.mark.parametrize("field", ["q", "v", "force", "stamp"])
 def test_a_field_that_raises_is_bridged(field: str) -> None:
     robot = Robot(FIVE)
     robot.look(FIVE, stamp=2.998)
-    measured: Any = Broken(field)
+    measured: Any = Broken(field, q=Q, v=Q, force=-FIVE[:, None] * NORMALS, stamp=3.0)
     view, _ = robot.watch.look(robot.state, measured, Q, Q, DT)
     assert view.status == TorqueStatus.BAD_MEASUREMENT
     assert np.isfinite(view.measured.q).all()

@@ -20,7 +20,7 @@ from wbc.robot.kinematics import Kinematics
 from wbc.robot.model import RobotModel
 from wbc.rotations import rotation_from_quaternion
 from wbc.scenario import Scenario
-from wbc.scenario.build_tasks import build_tasks, tracked_frames
+from wbc.scenario.build_tasks import build_tasks, tip_frames, tracked_frames
 
 _SUBTASKS: Final = (
     "equilibrium_force", "equilibrium_moment", "manipulability", "palm_distance",
@@ -112,8 +112,8 @@ class _Knows:
     """The object by each finger: measured joints, commanded contact variables."""
 
     def __init__(self, scenario: Scenario, model: RobotModel, grasp: Grasp) -> None:
-        tips = tuple(scenario.robot.fingers[name] for name in grasp.fingers)
-        self._kin = ExtendedKinematics(Kinematics(model, tips), grasp, _NO_GAIN)
+        kin = Kinematics(model, tip_frames(scenario, grasp))
+        self._kin = ExtendedKinematics(kin, grasp, _NO_GAIN)
         self._feet = _Feet(grasp.surface, grasp.count)
 
     def error(self, log: Log, k: int) -> Array:

@@ -13,6 +13,7 @@ from wbc.robot.model import RobotModel
 from wbc.rotations import rotation_from_quaternion
 from wbc.scenario import Scenario
 from wbc.scenario.build_dynamics import limits_of_torques, true_body, true_physics
+from wbc.scenario.build_tasks import tip_frames
 from wbc.sim.mujoco_table import underside
 from wbc.view.forces import LENGTH, ArrowMaker
 from wbc.view.scene import Scene, SceneShape
@@ -70,7 +71,7 @@ def force_pictures(
     driven = scenario.simulation.engine != "kinematic"
     if not (driven or meta.mu):
         return ForcePictures(None, (), False)
-    tips = [scenario.robot.fingers[name] for name in grasp.fingers]
+    tips = tip_frames(scenario, grasp)
     friction, lower, upper = meta.mu, meta.tau_min, meta.tau_max
     if not friction:
         friction = tuple(true_physics(scenario, model, grasp).friction.tolist())

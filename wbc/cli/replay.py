@@ -26,6 +26,7 @@ from wbc.recording.dynamic_facts import object_error_true
 from wbc.robot.model import RobotModel, load_robot
 from wbc.scenario import Scenario, load
 from wbc.scenario.build import build_grasp
+from wbc.scenario.build_tasks import tip_frames
 from wbc.scenario.places import robot_file
 from wbc.scenario.robots import read_robot
 from wbc.view import LiveView, Scene, Snapshot, replay
@@ -175,7 +176,7 @@ def open_film(run: str) -> Film:
         model,
         grasp,
         title=meta.scenario,
-        tips=[scenario.robot.fingers[name] for name in grasp.fingers],
+        tips=tip_frames(scenario, grasp),
         task_names=log.task_names,
         phase_names=log.phase_names,
         shown=[(log.q[0], log.object_pose[0, :3]), (log.q[-1], log.object_pose[-1, :3])],

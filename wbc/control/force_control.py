@@ -132,6 +132,11 @@ class Goal(NamedTuple):
     normals: Array
     force: Array
 
+    def copied(self) -> Goal:
+        """The same, sharing no array."""
+        q, v, mode = self.q.copy(), self.v.copy(), self.mode.copy()
+        return Goal(q, v, mode, self.points.copy(), self.normals.copy(), self.force.copy())
+
 
 class Track(NamedTuple):
     """The first stage's reference as a smooth motion.
@@ -328,7 +333,7 @@ class ForceControl:
         if beyond.any():  # what a limit holds back is not to be integrated, but may be taken back
             status |= TorqueStatus.SATURATED
             more = now.integral - before.integral
-            torque = -np.einsum("irj,ir,i->ij", self._kin.linear[: len(more)], goal.normals, more)
+            torque = -np.einsum("irj,ir,i->ij", self._kin.linear, goal.normals, more)
             waits = (self._own & (torque * beyond > 0.0)).any(axis=1)
             further = (now.joint_integral - before.joint_integral) * beyond > 0.0
             now = now._replace(

@@ -311,9 +311,10 @@ class PhaseSequence:
                 and not (np.linalg.norm(state.motion.tips[1, i] - tip) <= until.tip_error)
             ):
                 return False
-            away = kin.grasp.surface.level(tip - kin.state.shift[i])
-            if until.distance is not None and not away >= until.distance:
-                return False
+            if until.distance is not None:
+                away = kin.grasp.surface.level(tip - kin.state.shift[i])
+                if not away >= until.distance:
+                    return False
         return True
 
     def _closed(self, until: ExitCondition, kin: ExtendedKinematics, seen: Seen) -> bool:

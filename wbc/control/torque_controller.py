@@ -116,24 +116,20 @@ class TorqueController:
         sought, way = self._sought(state, view.seeks, dt)
         record, first = self.first.step(sought, view.measured, view.pace, view.bears, view.asked)
         goal = self._goal(record, first, view)
-        command, second = self.second.step(state.second, goal, view.measured, dt)
-        command = command._replace(status=command.status | view.status)
-        watch = self.watch.done(watch, goal, command.status)
-        # what becomes of a tick does not become of the state
-        given = command._replace(tau=command.tau.copy())
-        shown = goal._replace(
-            q=goal.q.copy(), v=goal.v.copy(), mode=goal.mode.copy(), points=goal.points.copy(),
-            normals=goal.normals.copy(), force=goal.force.copy(),
-        )  # fmt: skip
-        tick = LoopTick(_logged(record, given, goal, watch), given, shown)
+        kept = goal.copied()  # what becomes of a tick does not become of the state
+        command, second = self.second.step(state.second, kept, view.measured, dt)
+        command = command._replace(tau=command.tau.copy(), status=command.status | view.status)
+        watch = self.watch.done(watch, kept, command.status)
+        tick = LoopTick(_logged(record, command, goal, watch), command, goal)
         way = np.where(record.mode == ContactMode.FREE, 0.0, way)
         return tick, LoopState(first, second, watch, way)
 
     def _at_start(self, q: Array, measured: Array) -> None:
-        off = np.abs(measured - q) / self.watch.error_at_stand
+        way = np.abs(measured - q)
+        off = way / self.watch.error_at_stand
         worst = int(np.argmax(off))
         if off[worst] > 0.5:
-            name, way = self.first.law.kin.robot.model.joint_names[worst], abs(measured - q)
+            name = self.first.law.kin.robot.model.joint_names[worst]
             raise SetupError(
                 f"joint '{name}' is {way[worst]:.3g} from where the run starts: bring the robot "
                 "there first, or start the run where it is"
@@ -168,8 +164,7 @@ class TorqueController:
             if shares[k] > last:  # between two sets of fingers as their shares are: no step
                 others = self._without(gone, record, motion, found, force, arms)
                 left += (shares[k] - last) * (others - force)
-        q, v, mode = record.q.copy(), record.v.copy(), record.mode.copy()
-        return Goal(q, v, mode, arms, record.contact_normals.copy(), left)
+        return Goal(record.q, record.v, record.mode, arms, record.contact_normals, left)
 
     def _without(
         self, gone: BoolArray, record: TickRecord, motion: Motion, found: Array | None,

@@ -29,7 +29,7 @@ from wbc.scenario.arms import check_arms
 from wbc.scenario.build_costs import build_costs, safety_distance, watched_pairs
 from wbc.scenario.build_forces import build_planner
 from wbc.scenario.build_phases import build_phases
-from wbc.scenario.build_tasks import build_tasks, tracked_frames
+from wbc.scenario.build_tasks import build_tasks, tip_frames, tracked_frames
 from wbc.scenario.kinds import BoxSpec, ObjectPoseSpec, SuperellipsoidSpec, SurfaceSpec
 from wbc.scenario.load import Loaded
 from wbc.scenario.names import check_names
@@ -109,7 +109,7 @@ def _assemble(loaded: Loaded, model: RobotModel, hands: Hands) -> Assembly:
     scenario = loaded.scenario
     grasp = build_grasp(scenario, model)
     _check_faces(loaded, grasp)
-    tips = tuple(scenario.robot.fingers[name] for name in grasp.fingers)
+    tips = tip_frames(scenario, grasp)
     if faults := [*check_table(scenario, grasp.surface), *check_arms(scenario, model, tips)]:
         raise loaded.error(faults)
     frames = tracked_frames(scenario, grasp)

@@ -21,6 +21,7 @@ from wbc.scenario import dynamic_blocks
 from wbc.scenario.build import Assembly
 from wbc.scenario.build_disturbance import build_disturbance
 from wbc.scenario.build_forces import build_payload, torque_limits, value_for
+from wbc.scenario.build_tasks import tip_frames
 from wbc.scenario.schema import Scenario
 from wbc.scenario.tables import release
 from wbc.sim.compliant import CompliantPlant, FreeBody, Physics
@@ -50,7 +51,7 @@ def build_dynamics(assembly: Assembly) -> Dynamics | None:
     if wrong is not None:
         trial = Trial(wrong, model, grasp.fingers, ~control.second.fingers, simulation.step)
     return Dynamics(
-        _plant(scenario, model, grasp, _tips(scenario, grasp), wrong or Disturbance()),
+        _plant(scenario, model, grasp, tip_frames(scenario, grasp), wrong or Disturbance()),
         control.second,
         control.set_points,
         held=simulation.physics.control == "held",
@@ -74,7 +75,7 @@ def build_torque_control(assembly: Assembly) -> TorqueController:
     if thing is None or given is None:
         missing = "force_control" if given is None else "object"
         raise WbcError(f"{assembly.loaded.path}: torques need a block '{missing}'")
-    tips = _tips(scenario, grasp)
+    tips = tip_frames(scenario, grasp)
     gravity = np.array(model.pin_model.gravity.linear)
     if grasp.planar:
         gravity[2] = 0.0
@@ -84,11 +85,6 @@ def build_torque_control(assembly: Assembly) -> TorqueController:
         SetPoints(grasp, build_payload(thing, scenario), gravity),
         _watch(given),
     )
-
-
-def _tips(scenario: Scenario, grasp: Grasp) -> tuple[str, ...]:
-    """The frame of each finger's tip."""
-    return tuple(scenario.robot.fingers[name] for name in grasp.fingers)
 
 
 def _watch(given: dynamic_blocks.ForceControl) -> WatchSettings:

@@ -47,8 +47,8 @@ def build_phases(
     if scenario.forces is not None:  # a phase in which nothing moves lasts until forces have passed
         _, ways = passages(phases)
         for k, (way, spec) in enumerate(zip(ways, specs, strict=True)):
-            over = way.ramps * scenario.forces.ramp if spec.over is None else phases[k].over
             if way.ramps:
+                over = way.ramps * scenario.forces.ramp if spec.over is None else phases[k].over
                 phases[k] = replace(phases[k], over=over, passes=True)
     return PhaseSequence(tuple(phases))
 

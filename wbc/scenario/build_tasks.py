@@ -37,9 +37,14 @@ _TIP_SATURATION = math.inf
 _FRAME_FIELDS = ("frame", "reference")
 
 
+def tip_frames(scenario: Scenario, grasp: Grasp) -> tuple[str, ...]:
+    """The frame of each finger's tip, in the order of the grasp."""
+    return tuple(scenario.robot.fingers[name] for name in grasp.fingers)
+
+
 def tracked_frames(scenario: Scenario, grasp: Grasp) -> tuple[str, ...]:
     """Fingertips in the order of the grasp, then every other frame a task names, once."""
-    frames = [scenario.robot.fingers[name] for name in grasp.fingers]
+    frames = list(tip_frames(scenario, grasp))
     for spec in scenario.tasks.values():
         for field in _FRAME_FIELDS:
             name = getattr(spec, field, None)

@@ -101,14 +101,16 @@ def _durations(path: KeyPath, phase: dict[str, Any], faults: Faults) -> None:
             if phase.get(key):
                 text = "needs 'over' in this phase, the duration of the motion"
                 faults.add((*path, key), text, on="key")
-    after = si(mapping(phase.get("timeout")).get("after"), "time")
-    time = si(mapping(phase.get("until")).get("time"), "time")
-    if after is not None and time is not None and not after > time:
+    timeout, until = mapping(phase.get("timeout")), mapping(phase.get("until"))
+    after = si(timeout.get("after"), "time")
+    if after is None:
+        return
+    time, over = si(until.get("time"), "time"), si(phase.get("over"), "time")
+    if time is not None and not after > time:
         text = "comes no later than until.time, so the phase cannot succeed"
         faults.add((*path, "timeout", "after"), text)
-    over, then = si(phase.get("over"), "time"), mapping(phase.get("timeout")).get("then")
-    touch = mapping(phase.get("until")).get("touch")
-    if then == "stop" and touch is None and after is not None and over is not None and after < over:
+    stops = timeout.get("then") == "stop" and until.get("touch") is None
+    if stops and over is not None and after < over:
         text = "comes before the motions' end ('over'), so the phase cannot succeed"
         faults.add((*path, "timeout", "after"), text)
 
